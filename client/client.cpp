@@ -6,6 +6,7 @@
 #include "client/client_impl.h"
 #include "client/content_check.h"
 #include "client/responses.h"
+#include "proto/number_text.h"
 #include "proto/percent_encoding.h"
 
 namespace voxeld::client {
@@ -13,26 +14,21 @@ namespace {
 
 std::string full_message(const std::string& message, const std::string& expected,
                          const std::string& got) {
-  std::string text = message;
-  if (!expected.empty()) text += ": expected " + expected;
-  if (!got.empty()) text += (expected.empty() ? ": got " : ", got ") + got;
-  return text;
+  const std::string tail = (expected.empty() ? "" : "expected " + expected) +
+                           (expected.empty() || got.empty() ? "" : ", ") +
+                           (got.empty() ? "" : "got " + got);
+  // A message that was passed on may have it already.
+  if (tail.empty() || message.ends_with(tail)) return message;
+  return message.empty() ? tail : message + ": " + tail;
 }
 
-// Voxelizes and returns the native container.
-std::vector<std::byte> voxelize_native(ClientImpl& daemon, const Source& source,
-                                       const Options& options, const ProgressCallback& progress,
-                                       const std::stop_token& stop) {
+// Voxelizes to the native container.
+JobInfo voxelize_native(ClientImpl& daemon, const Source& source, const Options& options,
+                        std::vector<std::byte>& container, const ProgressCallback& progress,
+                        const std::stop_token& stop) {
   Options native = options;
   native.set("format", "native");
-  std::vector<std::byte> bytes;
-  daemon.run(
-      "voxelize", source, native,
-      [&](std::span<const std::byte> piece) {
-        bytes.insert(bytes.end(), piece.begin(), piece.end());
-      },
-      progress, stop);
-  return bytes;
+  return daemon.run("voxelize", source, native, appends_to(container), progress, stop);
 }
 
 }  // namespace
@@ -46,21 +42,6 @@ Error::Error(std::string code, int http_status, const std::string& message, std:
       request_id_(std::move(request_id)),
       http_status_(http_status) {}
 Error::~Error() = default;
-
-Options& Options::set(std::string name, std::string value) {
-  for (auto& pair : pairs_) {
-    if (pair.first == name) {
-      pair.second = std::move(value);
-      return *this;
-    }
-  }
-  pairs_.emplace_back(std::move(name), std::move(value));
-  return *this;
-}
-
-bool Options::has(std::string_view name) const {
-  return std::ranges::any_of(pairs_, [&](const auto& pair) { return pair.first == name; });
-}
 
 Source Source::file(std::filesystem::path path, std::string filename) {
   Source source;
@@ -83,7 +64,7 @@ Source Source::stream(std::function<size_t(std::span<std::byte>)> read, std::str
   return source;
 }
 
-Client::Client(Settings settings) : impl_(std::make_unique<ClientImpl>(std::move(settings))) {}
+Client::Client(Settings settings) : impl_(std::make_shared<ClientImpl>(std::move(settings))) {}
 Client::Client(std::string url)
     : Client([&] {
         Settings settings;
@@ -96,12 +77,16 @@ Client::~Client() = default;
 
 Grid Client::voxelize(const Source& source, const Options& options,
                       const ProgressCallback& progress, const std::stop_token& stop) {
-  return Grid::decode(voxelize_native(*impl_, source, options, progress, stop));
+  std::vector<std::byte> container;
+  const JobInfo job = voxelize_native(*impl_, source, options, container, progress, stop);
+  return impl_->stored_grid(container, job.grid);
 }
 
 Sequence Client::voxelize_sequence(const Source& source, const Options& options,
                                    const ProgressCallback& progress, const std::stop_token& stop) {
-  return Sequence::decode(voxelize_native(*impl_, source, options, progress, stop));
+  std::vector<std::byte> container;
+  voxelize_native(*impl_, source, options, container, progress, stop);
+  return Sequence::decode(std::move(container));
 }
 
 JobInfo Client::voxelize_to(const Source& source, const Options& options, const Sink& sink,
@@ -142,6 +127,19 @@ std::string Client::asset_json(std::string_view asset) {
   return impl_->call(std::move(request)).body;
 }
 
+Job Client::start(const Source& source, const Options& options, const ProgressCallback& upload,
+                  const std::stop_token& stop) {
+  return {impl_, impl_->begin("voxelize", source, options, upload, stop)};
+}
+
+Job Client::start(std::string_view kind, const Input& input, const Options& options) {
+  return {impl_, impl_->submit(kind, input, options)};
+}
+
+Job Client::attach(std::string_view id) {
+  return {impl_, job(id)};
+}
+
 JobInfo Client::submit(std::string_view kind, const Input& input, const Options& options) {
   return impl_->submit(kind, input, options);
 }
@@ -163,10 +161,7 @@ JobInfo Client::wait(std::string_view id, const ProgressCallback& progress,
 }
 
 JobInfo Client::cancel(std::string_view id) {
-  HttpRequest request;
-  request.method = "DELETE";
-  request.url = impl_->url("/v1/jobs/" + percent_encode(id));
-  return job_info(parse_object(impl_->call(std::move(request)).body));
+  return impl_->cancel(percent_encode(id));
 }
 
 JobFrames Client::frames(std::string_view job) {
@@ -184,7 +179,25 @@ Grid Client::frame(std::string_view job, std::int64_t index) {
   ContentCheck check(etag == response.headers.end() ? std::string_view() : etag->second);
   check.add(bytes);
   check.finish("frame " + std::to_string(index) + " of the job " + std::string(job));
-  return Grid::decode(bytes);
+  return impl_->stored_grid(bytes, check.id());
+}
+
+void Client::tiles(std::string_view job, const TilesCallback& take, const std::stop_token& stop) {
+  for (std::int64_t after = 0;;) {
+    const HttpResponse response = impl_->tiles(percent_encode(job), after, stop);
+    if (response.status == 204) return;
+    if (response.status == 202) continue;
+    const auto header = response.headers.find("x-voxeld-next");
+    const auto next = header == response.headers.end() ? std::nullopt
+                                                       : parse_number<std::int64_t>(header->second);
+    if (!next || *next <= after) {
+      throw Error("bad-response", response.status, "X-Voxeld-Next of tiles of the job",
+                  "a number above " + std::to_string(after),
+                  header == response.headers.end() ? "none" : "\"" + header->second + "\"");
+    }
+    if (!take(Grid::decode(std::as_bytes(std::span(response.body))))) return;
+    after = *next;
+  }
 }
 
 Queue Client::queue(int limit) {
@@ -210,6 +223,11 @@ std::vector<JobInfo> Client::jobs(int limit) {
 void Client::download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
                       const std::stop_token& stop) {
   impl_->download(percent_encode(job), sink, progress, stop);
+}
+
+Grid Client::grid(std::string_view id, const ProgressCallback& progress,
+                  const std::stop_token& stop) {
+  return impl_->grid(id, progress, stop);
 }
 
 Link Client::share(std::string_view job, std::chrono::seconds lifetime, const Options& options) {

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "client/content_check.h"
+#include "client/grid_impl.h"
 #include "client/responses.h"
 #include "proto/asset_id.h"
 #include "proto/messages/job.h"
@@ -26,7 +27,8 @@ constexpr std::chrono::milliseconds kPauseMax = 10s;  // the limit of a pause th
 // A smaller source is sent without asking whether the daemon has it: that takes as long.
 constexpr long long kAskedBytesMin = 64LL * 1024;
 constexpr size_t kHashedBytes = size_t{1} << 20;  // at a time
-constexpr int kPollSeconds = 2;  // of one long poll, so progress is reported at least this often
+// The time of one long poll: progress is reported at least this often.
+constexpr std::chrono::seconds kPollTime = 2s;
 
 // Reads a Source piece by piece.
 struct SourceReader {
@@ -98,8 +100,8 @@ Progress progress_of(const JobInfo& info) {
   return {stage, info.tiles_done, info.tiles_total, "tiles"};
 }
 
-Error job_error(const JobInfo& info, const Json& status) {
-  const Json error = status.value("error", Json::object());
+Error job_error(const JobInfo& info) {
+  const Json error = parse_object(info.json).value("error", Json::object());
   const std::string code = text_of(error, "code"), detail = text_of(error, "detail");
   return Error(code.empty() ? info.state : code, info_of(error_code_from_name(code)).http_status,
                detail.empty() ? "the job " + info.id + " was " + info.state : detail,
@@ -119,6 +121,16 @@ void check_resumed(const HttpResponse& head, long long done, const std::string& 
 }
 
 }  // namespace
+
+Sink appends_to(std::vector<std::byte>& bytes) {
+  return [&bytes](std::span<const std::byte> piece) {
+    bytes.insert(bytes.end(), piece.begin(), piece.end());
+  };
+}
+
+void check_done(const JobInfo& job) {
+  if (job.state != "done") throw job_error(job);
+}
 
 ClientImpl::ClientImpl(Settings settings)
     : settings_(std::move(settings)),
@@ -289,14 +301,10 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   return job_info(parse_object(post_job(kind, input, options, "").body));
 }
 
-HttpResponse ClientImpl::look(std::string_view job, const std::string& etag,
+HttpResponse ClientImpl::poll(HttpRequest request, std::chrono::seconds time,
                               const std::stop_token& stop) {
-  HttpRequest request;
-  request.url = url("/v1/jobs/" + std::string(job));
-  // With an ETag the daemon responds at the next change; the short wait allows progress in between.
-  request.headers = {"Prefer: wait=" + std::to_string(kPollSeconds)};
-  request.held = std::chrono::seconds(kPollSeconds);
-  if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
+  if (time > 0s) request.headers.push_back("Prefer: wait=" + std::to_string(time.count()));
+  request.held = time;
   request.keep_going = [&] { return !stop.stop_requested(); };
   for (int attempt = 0;; ++attempt) {
     HttpResponse response = transport_.exchange(request);
@@ -306,40 +314,96 @@ HttpResponse ClientImpl::look(std::string_view job, const std::string& etag,
       pause(attempt, response, stop);
       continue;
     }
-    const bool is_unchanged =
-        response.failure == HttpResponse::Failure::kNone && response.status == 304 && !etag.empty();
-    if (!is_good(response) && !is_unchanged) fail(response);
     return response;
   }
 }
 
-JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
-                         const std::stop_token& stop) {
+HttpResponse ClientImpl::look(std::string_view job, const std::string& etag,
+                              std::chrono::seconds time, const std::stop_token& stop) {
+  HttpRequest request;
+  request.url = url("/v1/jobs/" + std::string(job));
+  // With an ETag the daemon responds at the next change; the short wait allows progress in between.
+  if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
+  HttpResponse response = poll(std::move(request), time, stop);
+  const bool is_unchanged =
+      response.failure == HttpResponse::Failure::kNone && response.status == 304 && !etag.empty();
+  if (!is_good(response) && !is_unchanged) fail(response);
+  return response;
+}
+
+HttpResponse ClientImpl::tiles(std::string_view job, std::int64_t after,
+                               const std::stop_token& stop) {
+  HttpRequest request;
+  request.url = url("/v1/jobs/" + std::string(job) + "/tiles?after=" + std::to_string(after));
+  HttpResponse response = poll(std::move(request), kPollTime, stop);
+  if (!is_good(response)) fail(response);
+  return response;
+}
+
+JobInfo ClientImpl::look_for(std::string_view id, std::chrono::seconds time,
+                             const std::stop_token& stop) {
+  return job_info(parse_object(look(id, "", std::min(time, kPollTime), stop).body));
+}
+
+JobInfo ClientImpl::cancel(std::string_view id) {
+  HttpRequest request;
+  request.method = "DELETE";
+  request.url = url("/v1/jobs/" + std::string(id));
+  return job_info(parse_object(call(std::move(request)).body));
+}
+
+JobInfo ClientImpl::wait_end(std::string_view id, const ProgressCallback& progress,
+                             const std::stop_token& stop) {
   std::string etag;
-  Json status;
   JobInfo info;
   do {
-    const HttpResponse response = look(id, etag, stop);
+    const HttpResponse response = look(id, etag, kPollTime, stop);
     if (response.status != 304) {
       etag = header_of(response, "etag");
-      status = parse_object(response.body);
-      info = job_info(status);
+      info = job_info(parse_object(response.body));
     }
     // Called also without a change, so that the callback can stop a stalled job.
     if (progress && !progress(progress_of(info))) throw interrupted();
   } while (!info.ended());
-  if (info.state != "done") throw job_error(info, status);
+  return info;
+}
+
+JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
+                         const std::stop_token& stop) {
+  JobInfo info = wait_end(id, progress, stop);
+  check_done(info);
   return info;
 }
 
 void ClientImpl::download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
                           const std::stop_token& stop) {
+  fetch("/v1/jobs/" + std::string(job) + "/result", "the result of the job " + std::string(job),
+        sink, progress, stop);
+}
+
+Grid ClientImpl::grid(std::string_view id, const ProgressCallback& progress,
+                      const std::stop_token& stop) {
+  std::vector<std::byte> container;
+  fetch("/v1/grids/" + percent_encode(id), "the grid " + std::string(id), appends_to(container),
+        progress, stop);
+  return stored_grid(container, std::string(id));
+}
+
+Grid ClientImpl::stored_grid(std::span<const std::byte> container, std::string id) const {
+  Grid grid = Grid::decode(container);
+  grid.impl_->id = std::move(id);
+  grid.impl_->daemon = settings_;
+  return grid;
+}
+
+void ClientImpl::fetch(std::string_view path, std::string_view what, const Sink& sink,
+                       const ProgressCallback& progress, const std::stop_token& stop) {
   long long done = 0, total = 0;
   std::string etag;
   std::optional<ContentCheck> check;
   for (int attempt = 0;; ++attempt) {
     HttpRequest request;
-    request.url = url("/v1/jobs/" + std::string(job) + "/result");
+    request.url = url(path);
     if (done > 0) {
       request.headers = {"Range: bytes=" + std::to_string(done) + "-", "If-Range: " + etag};
     }
@@ -364,7 +428,7 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
     const HttpResponse response = transport_.exchange(request);
     if (stopped) throw interrupted();
     if (is_good(response)) {
-      if (check) check->finish("the result of the job " + std::string(job));
+      if (check) check->finish(what);
       return;
     }
     const bool resumable = response.failure == HttpResponse::Failure::kBroken || is_busy(response);
@@ -373,43 +437,49 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
   }
 }
 
-JobInfo ClientImpl::run(std::string_view kind, const Source& source, const Options& options,
-                        const Sink& sink, const ProgressCallback& progress,
-                        const std::stop_token& stop) {
+JobInfo ClientImpl::begin(std::string_view kind, const Source& source, const Options& options,
+                          const ProgressCallback& progress, const std::stop_token& stop) {
   const std::string known = known_asset(source, progress, stop);
   const std::string asset = known.empty() ? send(source, progress, stop) : known;
   Options named = options;
   if (!source.filename().empty() && !named.has("filename")) {
     named.set("filename", source.filename());
   }
-  const auto begin = [&]() -> JobInfo {
-    try {
-      return submit(kind, Input::of_asset(asset), named);
-    } catch (const Error& error) {
-      // The daemon may have deleted it meanwhile.
-      const bool is_gone = error.code() == "gone" || error.code() == "not-found";
-      if (known.empty() || !is_gone) throw;
-    }
-    return submit(kind, Input::of_asset(send(source, progress, stop)), named);
-  };
-  JobInfo info = begin();
-  const auto cancel = [&] {
+  try {
+    return submit(kind, Input::of_asset(asset), named);
+  } catch (const Error& error) {
+    // The daemon may have deleted it meanwhile.
+    const bool is_gone = error.code() == "gone" || error.code() == "not-found";
+    if (known.empty() || !is_gone) throw;
+  }
+  return submit(kind, Input::of_asset(send(source, progress, stop)), named);
+}
+
+JobInfo ClientImpl::finish(JobInfo job, const Sink& sink, const ProgressCallback& progress,
+                           const std::stop_token& stop) {
+  const auto give_up = [&] {
     HttpRequest request;
     request.method = "DELETE";
-    request.url = url("/v1/jobs/" + info.id);
+    request.url = url("/v1/jobs/" + job.id);
     (void)transport_.exchange(request);
   };
   try {
-    info = wait(info.id, progress, stop);
+    job = wait(job.id, progress, stop);
   } catch (const Error& error) {
-    if (error.code() == "interrupted") cancel();
+    if (error.code() == "interrupted") give_up();
     throw;
   } catch (...) {  // from the progress callback: nobody waits for the result any more
-    cancel();
+    give_up();
     throw;
   }
-  download(info.id, sink, progress, stop);
-  return info;
+  download(job.id, sink, progress, stop);
+  return job;
+}
+
+JobInfo ClientImpl::run(std::string_view kind, const Source& source, const Options& options,
+                        const Sink& sink, const ProgressCallback& progress,
+                        const std::stop_token& stop) {
+  return finish(begin(kind, source, options, progress, stop), sink, progress, stop);
 }
 
 }  // namespace voxeld::client

@@ -33,6 +33,8 @@ class ContentCheck {
   void add(std::span<const std::byte> piece);
   // Call it after the last piece. Throws Error "content-mismatch", naming `what` was downloaded.
   void finish(std::string_view what);
+  // The id that the daemon sent: "sha256-" and 64 hex digits; empty: none.
+  std::string id() const { return expected_.empty() ? "" : "sha256-" + expected_; }
 
  private:
   std::string expected_;  // 64 hex digits; empty: nothing is checked

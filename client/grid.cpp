@@ -125,6 +125,10 @@ const std::string& Grid::meta_json() const {
   return impl_->header.meta_json;
 }
 
+const std::string& Grid::id() const {
+  return impl_->id;
+}
+
 bool Grid::occupied(int x, int y, int z) const {
   return impl_->find(x, y, z).has_value();
 }

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -17,6 +18,8 @@ struct Grid::Impl {
   std::vector<SparseTile> tiles;                     // in Morton order of coord
   std::vector<std::vector<uint32_t>> brick_offsets;  // voxels before each brick of a tile
   uint64_t voxels = 0;
+  std::string id;                  // of the daemon's grid; empty: none
+  std::optional<Settings> daemon;  // which has that grid
 
   static std::unique_ptr<Impl> of(GridHeader header, std::vector<SparseTile> tiles,
                                   uint64_t voxels);

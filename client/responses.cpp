@@ -31,8 +31,7 @@ JobInfo job_info(const Json& status) {
   info.kind = text_of(status, "kind");
   info.state = text_of(status, "state");
   if (info.id.empty() || info.state.empty()) {
-    throw Error("bad-response", 0, "the response is no job: is there a voxeld at this URL?",
-                "an object with id and state");
+    throw Error("bad-response", 0, "the response is no job: is there a voxeld at this URL?");
   }
   info.stage = text_of(status, "stage");
   info.tiles_done = number_of(status, "tiles_done");

@@ -3,6 +3,7 @@
 #include <curl/curl.h>
 
 #include <algorithm>
+#include <cstring>
 #include <exception>
 #include <mutex>
 
@@ -108,6 +109,25 @@ HttpResponse::Failure failure_of(CURLcode code) {
   }
 }
 
+// The reason of a failure, without the URL, which the caller names. libcurl's own text of a
+// refused connection has the address, and "connect" twice. It stays for a proxy, whose address is
+// another.
+std::string failure_text(CURL* curl, CURLcode code, std::string_view own, const std::string& url) {
+  constexpr std::string_view kConnect = "Failed to connect to ";
+  if (code == CURLE_UNSUPPORTED_PROTOCOL) return "the URL begins with neither http:// nor https://";
+  if (code == CURLE_COULDNT_RESOLVE_HOST) return "the name of the host is not known";
+  if (own.empty()) return curl_easy_strerror(code);
+  if (!own.starts_with(kConnect)) return std::string(own);
+  const std::string_view host = own.substr(kConnect.size(), own.find(" port ") - kConnect.size());
+  if (url.find(host) == std::string::npos) return std::string(own);
+  long error = 0;
+  curl_easy_getinfo(curl, CURLINFO_OS_ERRNO, &error);
+  if (code == CURLE_COULDNT_CONNECT && error != 0) return std::strerror(static_cast<int>(error));
+  const size_t after = own.find(" after "), end = own.find(':', after);
+  if (after == std::string_view::npos) return "no connection";
+  return "no connection" + std::string(own.substr(after, end - after));
+}
+
 template <typename Value>
 void set(CURL* curl, CURLoption option, Value value) {
   curl_easy_setopt(curl, option, value);
@@ -196,7 +216,7 @@ HttpResponse Transport::exchange(const HttpRequest& request) {
     response.failure = HttpResponse::Failure::kNone;
   }
   if (response.failure != HttpResponse::Failure::kNone) {
-    response.failure_text = error_text[0] != '\0' ? error_text : curl_easy_strerror(code);
+    response.failure_text = failure_text(curl, code, error_text, request.url);
   }
   return response;
 }

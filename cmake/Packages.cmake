@@ -1,11 +1,11 @@
 # Debian packages by CPack, as docker/build-packages makes them: the daemon with its service, the CLI,
-# the client library, and what building against it needs.
+# the client library, what building against it needs, and the Python package.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME voxeld)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
 set(CPACK_PACKAGE_CONTACT "voxeld maintainers <voxeld@localhost>")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
-set(CPACK_COMPONENTS_ALL server cli client dev)
+set(CPACK_COMPONENTS_ALL server cli client dev python)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
@@ -48,6 +48,30 @@ set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_DESCRIPTION "client library of voxeld, to build against
  Header, CMake package voxeld and pkg-config file voxeld_client.")
 set(CPACK_COMPONENT_DEV_DEPENDS client)
+
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-voxeld)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS OFF)
+set(CPACK_DEBIAN_PYTHON_DESCRIPTION "voxel grids of meshes as numpy arrays, from a voxeld
+ Voxelizes files, arrays and meshes of other libraries by a voxeld that may run elsewhere,
+ and gives the voxels as numpy arrays, files and images.")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy")
+# The decoder, without which grids come as .npz, and a daemon of one's own.
+set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS
+    "libvoxeld-client${PROJECT_VERSION_MAJOR} (>= ${PROJECT_VERSION}), voxel, voxeld")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-tqdm, python3-open3d, python3-torch")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
+    ${PROJECT_SOURCE_DIR}/docker/debian/python/postinst
+    ${PROJECT_SOURCE_DIR}/docker/debian/python/prerm)
+
+# Where Debian's python3 looks for packages. The metadata tells pip of it.
+set(voxeld_python_dir lib/python3/dist-packages)
+install(DIRECTORY python/voxeld DESTINATION ${voxeld_python_dir} COMPONENT python
+  FILES_MATCHING PATTERN "*.py" PATTERN py.typed PATTERN __pycache__ EXCLUDE)
+configure_file(docker/debian/python/METADATA.in METADATA @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/METADATA
+  DESTINATION ${voxeld_python_dir}/voxeld-${PROJECT_VERSION}.dist-info COMPONENT python)
 
 # Other prefixes than /usr have their own etc.
 if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")

@@ -8,6 +8,7 @@
 
 #include "proto/error_code.h"
 #include "proto/limits.h"
+#include "proto/palette.h"
 #include "proto/result.h"
 
 namespace voxeld {
@@ -22,6 +23,7 @@ namespace client_texts {
 inline constexpr ClientText kFilename{"filename", 255};
 inline constexpr ClientText kBundleFileName{"name", 255, ErrorCode::kMalformedBundle};
 inline constexpr ClientText kAnimation{"animation", 255};
+inline constexpr ClientText kVariant{"variant", 255};
 // An id has 71 bytes. An asset's id may also carry a reading: a name of 255 bytes, each escaped as
 // up to three (asset_id.h).
 inline constexpr ClientText kAsset{"asset", 1024};
@@ -30,6 +32,8 @@ inline constexpr ClientText kGrid{"grid", 80}, kSequence{"sequence", 80};
 inline constexpr ClientText kCursor{"after", 1200};
 // Any other option. The longest meaningful value is 16 numbers of 25 bytes.
 inline constexpr ClientText kOption{"option", 1024};
+// Each colour takes a number sign, six digits and a comma.
+inline constexpr ClientText kPalette{"palette", 8 * kPaletteColorsMax};
 // Per frame a number of 24 bytes and a comma.
 inline constexpr ClientText kTimes{"times", size_t{25} * limits::kFramesMax};
 inline constexpr ClientText kIdempotencyKey{"Idempotency-Key", 255, ErrorCode::kBadRequest};

@@ -10,6 +10,8 @@ inline constexpr int kGridSideMax = 16384;
 // Cells of a dense output (npy, npz). Larger: grid-too-large, "use native or vox". 2048^3 would be
 // 8.6e9 bytes for occupancy alone; 2^31 cells are 2 GiB.
 inline constexpr int64_t kDenseCellsMax = int64_t{1} << 31;
+// Voxels of arrays in layout sparse, in all frames: their coords take 3 GiB. More: grid-too-large.
+inline constexpr uint64_t kSparseVoxelsMax = uint64_t{1} << 28;
 // Cells of a sequence's dense output, all frames: 512 frames of 256^3. Larger: grid-too-large.
 inline constexpr int64_t kSequenceDenseCellsMax = int64_t{1} << 33;
 inline constexpr int kPaddingMax = 512;  // voxels on each side: invalid-option
@@ -42,6 +44,7 @@ inline constexpr double kFpsMin = 0.01, kFpsMax = 1000;  // of an animation: inv
 inline constexpr double kImageRateMin = 0.1, kImageRateMax = 100;  // images per s: invalid-option
 inline constexpr int kTurntableViewsMin = 2, kTurntableViewsMax = 360;  // invalid-option
 
+inline constexpr double kThresholdMax = 1e30;   // of samples, of either sign: invalid-option
 inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
 
 // Images. Larger: invalid-option.

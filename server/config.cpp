@@ -202,8 +202,9 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->envname("VOXELD_DATA")
       ->capture_default_str();
   serve
-      ->add_option("--device", config.devices,
-                   "auto, egl:N, llvmpipe, lavapipe, osmesa or cpu (no OpenGL), or several")
+      ->add_option(
+          "--device", config.devices,
+          "auto, egl:N, pci:ADDRESS, llvmpipe, lavapipe, osmesa or cpu (no OpenGL), or several")
       ->delimiter(',')
       ->envname("VOXELD_DEVICE")
       ->capture_default_str();
@@ -274,6 +275,11 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
                    "Read shaders from here instead of the ones built in")
       ->check(CLI::ExistingDirectory)
       ->envname("VOXELD_SHADER_DIR");
+  serve
+      ->add_option("--web-dir", config.web_dir,
+                   "Read files of the web page from here instead of the ones built in")
+      ->check(CLI::ExistingDirectory)
+      ->envname("VOXELD_WEB_DIR");
   add_storage(*serve, config);
   add_worker_limits(*serve, config);
   add_log_level(*serve, config.log_level);
@@ -284,7 +290,9 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
   CLI::App* worker =
       app.add_subcommand("worker", "Run tasks of a gateway on one device (serve starts these)");
   worker->add_option("--gateway", command.gateway, "unix:/path/to/tasks.sock")->required();
-  worker->add_option("--device", command.device, "egl:N, llvmpipe, lavapipe, osmesa or cpu")
+  worker
+      ->add_option("--device", command.device,
+                   "egl:N, pci:ADDRESS, llvmpipe, lavapipe, osmesa or cpu")
       ->required();
   worker->add_option("--shader-dir", command.shader_dir, "As of serve");
   worker->add_option("--data", command.data_dir, "Directory of calibration.json");
@@ -293,6 +301,19 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
   add_sandbox(*worker, command.sandbox);
   add_log_level(*worker, command.log_level);
   return worker;
+}
+
+CLI::App* add_test_device(CLI::App& app, TestDeviceCommand& command) {
+  CLI::App* test = app.add_subcommand(
+      "test-device", "Compare one device's grids and images with the CPU's and print JSON");
+  test->add_option("--device", command.device)->required();
+  test->add_option("--shader-dir", command.shader_dir, "As of serve");
+  test->add_option(
+      "--data", command.data_dir,
+      "Directory of self_test.json; a device that it has an outcome for is not tested");
+  test->add_option("--skip", command.skipped, "Parts of the device that are not tested");
+  add_sandbox(*test, command.sandbox);
+  return test;
 }
 
 CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
@@ -323,6 +344,7 @@ CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
   doctor->add_option("--device", command.devices, "Devices to calibrate instead of all that work")
       ->delimiter(',')
       ->needs(calibrate);
+  add_sandbox(*doctor, command.sandbox)->envname("VOXELD_SANDBOX");
   return doctor;
 }
 
@@ -411,9 +433,12 @@ Command parse_command_line(int argc, const char* const* argv) {
   const CLI::App* keys = add_keys(app, keys_command);
   CLI::App* probe = app.add_subcommand("probe-device", "Open one device and describe it as JSON");
   probe->add_option("--device", probe_command.device)->required();
+  add_sandbox(*probe, probe_command.sandbox);
   CLI::App* calibrate =
       app.add_subcommand("calibrate-device", "Measure one device and print what it found as JSON");
   calibrate->add_option("--device", calibrate_command.device)->required();
+  TestDeviceCommand test_command;
+  const CLI::App* test = add_test_device(app, test_command);
   const CLI::App* version = app.add_subcommand("version", "Print the version");
   try {
     app.parse(with_default_subcommand(argc, argv));
@@ -425,6 +450,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   if (doctor->parsed()) return doctor_command;
   if (keys->parsed()) return keys_command;
   if (probe->parsed()) return probe_command;
+  if (test->parsed()) return test_command;
   if (calibrate->parsed()) return calibrate_command;
   if (version->parsed() || print_version) return VersionCommand{};
   return ExitCommand{64};

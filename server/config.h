@@ -45,7 +45,8 @@ struct ServeConfig {
   double drain_seconds = 10.0;         // how long running requests may continue after SIGTERM
   double part_seconds = 5.0;           // how often finished tiles of long jobs are stored
   std::string shader_dir;
-  std::string sandbox = "auto";  // of workers: auto, require or off
+  std::filesystem::path web_dir;  // files of the page; empty: those built in
+  std::string sandbox = "auto";   // of workers: auto, require or off
   // auto (tenant where several tenants have keys, else none), tenant, task or none
   std::string worker_isolation = "auto";
   int64_t worker_memory_bytes_max = 0;   // 0: three quarters of what there is
@@ -72,6 +73,7 @@ struct DoctorCommand {
   std::optional<std::string> tenant;  // rebuild: whose what is found becomes
   std::filesystem::path data_dir;     // of calibration.json; default: as of serve
   std::vector<std::string> devices;   // to calibrate; empty: all that work
+  std::string sandbox = "auto";       // of workers, in which devices are probed
 };
 
 struct KeysCommand {
@@ -94,6 +96,15 @@ struct CalibrateDeviceCommand {
 
 struct ProbeDeviceCommand {
   std::string device;
+  std::string sandbox = "auto";
+};
+
+struct TestDeviceCommand {
+  std::string device;
+  std::string sandbox = "auto";
+  std::string shader_dir;
+  std::filesystem::path data_dir;    // where known outcomes are; empty: test in any case
+  std::vector<std::string> skipped;  // parts that are not tested
 };
 
 struct VersionCommand {};
@@ -105,7 +116,7 @@ struct ExitCommand {
 
 using Command =
     std::variant<ServeConfig, WorkerCommand, DoctorCommand, KeysCommand, ProbeDeviceCommand,
-                 CalibrateDeviceCommand, VersionCommand, ExitCommand>;
+                 CalibrateDeviceCommand, TestDeviceCommand, VersionCommand, ExitCommand>;
 
 // Parses arguments, then VOXELD_… variables for flags that are not given, then defaults. Prints
 // help and errors itself. Without a subcommand: serve.

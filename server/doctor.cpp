@@ -7,10 +7,12 @@
 #include <vector>
 
 #include "proto/version.h"
+#include "server/device/device.h"
+#include "server/device/missing_driver.h"
+#include "server/device/workarounds.h"
 #include "server/exit_status.h"
-#include "server/gpu/device.h"
-#include "server/gpu/workarounds.h"
 #include "server/worker/device/calibrate_device.h"
+#include "server/worker/device/test_device.h"
 #include "server/worker/worker_sandbox.h"
 
 namespace voxeld {
@@ -33,12 +35,15 @@ std::string hint_for(const DeviceProbe& probe) {
   const auto says = [&](std::string_view text) {
     return probe.reason.find(text) != std::string::npos;
   };
+  if (probe.is_kept_out) {
+    return refusals_command(gpu::device_name(probe.device)) +
+           ": lists what failed (EACCES, EPERM, ENOSYS)";
+  }
   if (says("built without OpenGL")) return "build with VOXELD_WITH_GL=ON";
   if (says("libEGL.so.1")) return "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri";
   switch (probe.device.kind) {
     case DeviceKind::kEgl:
-      return "install the GPU's driver with its EGL vendor file; in a container set "
-             "NVIDIA_DRIVER_CAPABILITIES=graphics,compute,utility";
+      return gpu::missing_driver();
     case DeviceKind::kLlvmpipe:
       return "apt-get install libegl-mesa0 libgl1-mesa-dri";
     case DeviceKind::kLavapipe:
@@ -84,6 +89,9 @@ void print_device(const DeviceProbe& probe) {
   std::printf("%-10s   driver  OpenGL %s, GLSL %s, %s\n", "", info.version.c_str(),
               info.glsl_version.c_str(), info.vendor.c_str());
   std::printf("%-10s   through %s%s\n", "", info.backend.c_str(), info.is_robust ? ", robust" : "");
+  if (!info.pci_address.empty()) {
+    std::printf("%-10s   address pci:%s\n", "", info.pci_address.c_str());
+  }
   std::printf("%-10s   limits  %s\n", "", limits_text(info).c_str());
   std::printf("%-10s   shaders %s, %s\n", "",
               info.has_int64 ? "64-bit integers" : "no 64-bit integers",
@@ -96,6 +104,7 @@ json device_json(const DeviceProbe& probe) {
   json object = {{"device", gpu::device_name(probe.device)}, {"works", probe.works}};
   if (!probe.works) {
     object["reason"] = probe.reason;
+    object["is_kept_out"] = probe.is_kept_out;
     object["hint"] = hint_for(probe);
     return object;
   }
@@ -105,6 +114,7 @@ json device_json(const DeviceProbe& probe) {
                  {"gl_version", info.version},
                  {"glsl_version", info.glsl_version},
                  {"backend", info.backend},
+                 {"pci_address", info.pci_address},
                  {"is_software", info.is_software},
                  {"is_robust", info.is_robust},
                  {"has_int64", info.has_int64},
@@ -137,6 +147,22 @@ Result<std::vector<gpu::DeviceId>> devices_to_calibrate(const DoctorCommand& com
     if (probe.works) devices.push_back(probe.device);
   }
   return devices;
+}
+
+// Tests a device anew; print_text() and print_json() show the outcome that is kept.
+void test_for_doctor(const std::string& self_executable, const DoctorCommand& command,
+                     const gpu::DeviceId& device) {
+  if (device.kind == DeviceKind::kCpu) return;
+  const SelfTestReport report = test_device({.executable = self_executable,
+                                             .sandbox = command.sandbox,
+                                             .data_dir = command.data_dir,
+                                             .tests_again = true},
+                                            device);
+  for (const std::string& problem : {report.failure, report.warning}) {
+    if (problem.empty()) continue;
+    std::fprintf(stderr, "voxeld: self-test of %s: %s\n", gpu::device_name(device).c_str(),
+                 problem.c_str());
+  }
 }
 
 void print_calibration(const Result<CalibrationReport>& report) {
@@ -187,6 +213,10 @@ void print_text(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& c
     if (probe.works) {
       std::printf("%-10s   auto    %s\n", "",
                   calibration_state(command.data_dir, probe.info).c_str());
+      if (probe.device.kind != DeviceKind::kCpu) {
+        std::printf("%-10s   tested  %s\n", "",
+                    self_test_state(command.data_dir, probe.info).c_str());
+      }
     }
   }
   std::printf("\ndriver workarounds (VOXELD_WORKAROUNDS=-name turns one off)\n");
@@ -206,6 +236,9 @@ void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& c
     object["devices"].push_back(device_json(probe));
     if (probe.works) {
       object["devices"].back()["calibration"] = calibration_state(command.data_dir, probe.info);
+      if (probe.device.kind != DeviceKind::kCpu) {
+        object["devices"].back()["self_test"] = self_test_state(command.data_dir, probe.info);
+      }
     }
   }
   if (calibrated) object["calibration"] = calibration_json(*calibrated);
@@ -221,7 +254,8 @@ void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& c
 int doctor_main(const std::string& self_executable, const DoctorCommand& command) {
   if (command.rebuild) return doctor_rebuild_main(command);
   if (command.store) return doctor_store_main(command);
-  const std::vector<DeviceProbe> probes = gpu::probe_devices(self_executable);
+  const std::vector<DeviceProbe> probes = gpu::probe_devices(
+      {.executable = self_executable, .sandbox = command.sandbox, .compares_sandbox = true});
   const gpu::AutoChoice choice = gpu::choose_device(probes);
   Calibrated calibrated;
   if (command.calibrate) {
@@ -230,6 +264,7 @@ int doctor_main(const std::string& self_executable, const DoctorCommand& command
       std::fprintf(stderr, "voxeld: %s\n", devices.error().message().c_str());
       return kExitUsage;
     }
+    for (const gpu::DeviceId& device : *devices) test_for_doctor(self_executable, command, device);
     calibrated = calibrate_devices(self_executable, *devices, command.data_dir);
   }
   if (command.json) {

@@ -5,13 +5,16 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "server/base/clock.h"
 #include "server/exit_status.h"
 #include "server/jobs/auth/key_file.h"
+#include "server/jobs/auth/key_ring.h"
 #include "server/jobs/auth/url_secret.h"
 
 namespace voxeld {
@@ -57,6 +60,13 @@ Result<KeyList::iterator> find_key(KeyList& keys, const std::string& id) {
   return Error{ErrorCode::kInvalidOption, "there is no such key", "an id of voxeld keys list", id};
 }
 
+// Changes the keys. Returns once a running daemon follows the change: after its check interval.
+Status change(const KeysCommand& command, const std::function<Status(KeyList&)>& edit) {
+  VOXELD_TRY(change_keys(command.data_dir, edit));
+  std::this_thread::sleep_for(KeyRing::kCheckInterval);
+  return {};
+}
+
 Status add(const KeysCommand& command) {
   VOXELD_TRY(check_tenant_name(command.tenant));
   ApiKey key;
@@ -67,7 +77,7 @@ Status add(const KeysCommand& command) {
     VOXELD_ASSIGN(key.expires_ms, parse_expiry(command.expires, key.created_ms));
   }
   KeySecret secret;
-  const Status changed = change_keys(command.data_dir, [&](KeyList& keys) -> Status {
+  const Status changed = change(command, [&](KeyList& keys) -> Status {
     do {
       secret = make_key_secret();
     } while (std::ranges::count(keys, secret.id, &ApiKey::id) != 0);
@@ -136,7 +146,7 @@ Status list(const KeysCommand& command) {
 }
 
 Status set(const KeysCommand& command) {
-  return change_keys(command.data_dir, [&](KeyList& keys) -> Status {
+  return change(command, [&](KeyList& keys) -> Status {
     VOXELD_ASSIGN(const auto key, find_key(keys, command.id));
     for (ApiKey& one : keys) {
       if (one.tenant == key->tenant) VOXELD_TRY(apply(command, one));
@@ -146,7 +156,7 @@ Status set(const KeysCommand& command) {
 }
 
 Status revoke(const KeysCommand& command) {
-  return change_keys(command.data_dir, [&](KeyList& keys) -> Status {
+  return change(command, [&](KeyList& keys) -> Status {
     VOXELD_ASSIGN(const auto key, find_key(keys, command.id));
     if (key->revoked_ms == 0) key->revoked_ms = unix_time_ms();
     return {};

@@ -9,13 +9,15 @@
 #include "proto/version.h"
 #include "server/base/log.h"
 #include "server/config.h"
+#include "server/device/device.h"
 #include "server/doctor.h"
 #include "server/exit_status.h"
-#include "server/gpu/device.h"
 #include "server/keys.h"
 #include "server/serve.h"
 #include "server/worker/device/calibrate_device.h"
+#include "server/worker/device/test_device.h"
 #include "server/worker/worker.h"
+#include "server/worker/worker_sandbox.h"
 
 namespace voxeld {
 namespace {
@@ -43,13 +45,28 @@ int run_worker(const WorkerCommand& command) {
 int run_probe(const ProbeDeviceCommand& command) {
   const auto device = gpu::parse_device(command.device);
   if (!device) return usage_error(device.error());
-  return gpu::probe_device_main(*device);
+  WorkerSandbox sandbox(sandbox_mode(command.sandbox));
+  return gpu::probe_device_main(*device, [&] { return sandbox.restrict_to({}, "", ""); });
 }
 
 int run_calibrate(const CalibrateDeviceCommand& command) {
   const auto device = gpu::parse_device(command.device);
   if (!device) return usage_error(device.error());
   return calibrate_device_main(*device);
+}
+
+int run_test(const TestDeviceCommand& command) {
+  const auto device = gpu::parse_device(command.device);
+  if (!device) return usage_error(device.error());
+  WorkerSandbox sandbox(sandbox_mode(command.sandbox));
+  return test_device_main(
+      {.device = *device,
+       .shader_dir = command.shader_dir,
+       .data_dir = command.data_dir,
+       .skipped = command.skipped,
+       .enter_sandbox =
+           [&] { return sandbox.restrict_to({}, command.data_dir, command.shader_dir); },
+       .close_sandbox = [&] { return sandbox.close(); }});
 }
 
 int run(const Command& command, const std::string& self) {
@@ -62,6 +79,7 @@ int run(const Command& command, const std::string& self) {
         if constexpr (std::is_same_v<Chosen, KeysCommand>) return keys_main(chosen);
         if constexpr (std::is_same_v<Chosen, ProbeDeviceCommand>) return run_probe(chosen);
         if constexpr (std::is_same_v<Chosen, CalibrateDeviceCommand>) return run_calibrate(chosen);
+        if constexpr (std::is_same_v<Chosen, TestDeviceCommand>) return run_test(chosen);
         if constexpr (std::is_same_v<Chosen, ExitCommand>) return chosen.status;
         if constexpr (std::is_same_v<Chosen, VersionCommand>) {
           std::printf("voxeld %s\n", std::string(version()).c_str());

@@ -14,9 +14,10 @@
 #include "server/base/clock.h"
 #include "server/base/log.h"
 #include "server/descriptors.h"
+#include "server/device/auto_device.h"
+#include "server/device/device.h"
+#include "server/device/missing_driver.h"
 #include "server/exit_status.h"
-#include "server/gpu/auto_device.h"
-#include "server/gpu/device.h"
 #include "server/jobs/auth/key_ring.h"
 #include "server/jobs/auth/url_secret.h"
 #include "server/jobs/service/job_service.h"
@@ -24,6 +25,7 @@
 #include "server/process/memory_reserve.h"
 #include "server/shutdown_watch.h"
 #include "server/store/data_dir.h"
+#include "server/worker/device/test_device.h"
 
 namespace voxeld {
 namespace {
@@ -35,23 +37,57 @@ constexpr double kSignalWaitSeconds = 3600.0;  // then it waits again
 constexpr double kIdleLookSeconds = 0.5;
 
 // "auto" becomes the device that this machine runs best; the others are checked.
-Result<std::vector<std::string>> resolve_devices(const std::vector<std::string>& wanted,
+Result<std::vector<std::string>> resolve_devices(const ServeConfig& config,
                                                  const std::string& self_executable) {
   std::vector<std::string> devices;
-  for (const std::string& name : wanted) {
+  for (const std::string& name : config.devices) {
     if (name != "auto") {
       VOXELD_ASSIGN(const gpu::DeviceId device, gpu::parse_device(name));
       devices.push_back(gpu::device_name(device));
       continue;
     }
     const Stopwatch watch;
-    const gpu::AutoChoice choice = gpu::probe_auto_device(self_executable);
+    const gpu::AutoChoice choice =
+        gpu::probe_auto_device({.executable = self_executable,
+                                .sandbox = config.sandbox,
+                                .compares_sandbox = gpu::has_gpu_node()});
     log::info(
         "device chosen",
         {{"device", gpu::device_name(choice.device)}, {"why", choice.why}, {"ms", watch.ms()}});
     devices.push_back(gpu::device_name(choice.device));
   }
   return devices;
+}
+
+// Tests each GPU whose driver has not been tested, before workers use it. Software drivers are
+// tested when they are calibrated. Workers find the outcome in the data directory.
+Status test_devices(const ServeConfig& config, const std::vector<std::string>& devices,
+                    const std::string& self_executable) {
+  for (const std::string& name : devices) {
+    VOXELD_ASSIGN(const gpu::DeviceId device, gpu::parse_device(name));
+    if (device.kind != gpu::DeviceKind::kEgl) continue;
+    const Stopwatch watch;
+    const SelfTestReport report = test_device({.executable = self_executable,
+                                               .sandbox = config.sandbox,
+                                               .shader_dir = config.shader_dir,
+                                               .data_dir = config.data_dir},
+                                              device);
+    if (!report.failure.empty()) {
+      log::error("self-test", {{"device", name}, {"error", report.failure}});
+    } else if (report.faults.any()) {
+      log::error("self-test", {{"device", name},
+                               {"faults", report.faults.text()},
+                               {"was_known", report.was_known},
+                               {"ms", watch.ms()}});
+    } else {
+      log::info("self-test",
+                {{"device", name}, {"was_known", report.was_known}, {"ms", watch.ms()}});
+    }
+    if (!report.warning.empty()) {
+      log::warn("the outcome of the self-test is not kept", {{"error", report.warning}});
+    }
+  }
+  return {};
 }
 
 std::string joined(const std::vector<std::string>& names) {
@@ -220,7 +256,8 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
     VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen,
                                     config.admin_allow_remote, Guard::kNone));
   }
-  VOXELD_ASSIGN(const auto devices, resolve_devices(config.devices, self_executable));
+  VOXELD_ASSIGN(const auto devices, resolve_devices(config, self_executable));
+  VOXELD_TRY(test_devices(config, devices, self_executable));
   ::signal(SIGPIPE, SIG_IGN);
   // Before any other thread.
   ShutdownWatch shutdown(config.drain_seconds);
@@ -243,6 +280,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   http_config.connections_per_address = descriptors.connections_per_address;
   http_config.admin_connections_max = descriptors.admin_connections;
   http_config.trusted_proxies = config.trusted_proxies;
+  http_config.web_dir = config.web_dir;
   http_config.origins = {config.public_hosts, config.cors_origins};
   VOXELD_ASSIGN(const auto server,
                 api::start_api_server(http_config, *jobs, *keys, *secrets, metrics));

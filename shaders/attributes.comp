@@ -4,7 +4,7 @@
 #include "lib/touch.glsl"
 #include "lib/touch_item.glsl"
 #include "lib/touch_mask.glsl"
-#include "lib/attribute_polygon.glsl"
+#include "lib/attribute_area.glsl"
 #include "lib/attributes.glsl"
 #include "lib/attribute_visit.glsl"
 #include "lib/touch_columns.glsl"

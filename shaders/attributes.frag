@@ -3,7 +3,7 @@
 #include "shared/attributes.h"
 #include "lib/touch.glsl"
 #include "lib/touch_mask.glsl"
-#include "lib/attribute_polygon.glsl"
+#include "lib/attribute_area.glsl"
 #include "lib/attributes.glsl"
 #include "lib/attribute_visit.glsl"
 #include "lib/touch_columns.glsl"

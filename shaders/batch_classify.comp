@@ -89,6 +89,11 @@ void write_large(uint at, uvec2 item) {
   if (at < params.large_capacity) large_items[at] = item;
 }
 
+// Items of a list that the first dispatch over it takes.
+uint most_of(uint capacity) {
+  return min(capacity, params.dispatch_items);
+}
+
 void clear_masks(uint group) {
   uint first = group * uint(BATCH_CLEAR_VECTORS) + gl_LocalInvocationIndex;
   for (uint n = 0u; n < uint(BATCH_CLEAR_VECTORS); n += uint(BATCH_GROUP_SIZE)) {
@@ -122,7 +127,7 @@ void split_wide(uint pair, uint slot) {
   barrier();
   uint at = atomicAdd(large_items_of_group, uint(bitCount(bits)));
   barrier();
-  if (lane == 0u) large_base = take_large(large_items_of_group, params.large_capacity);
+  if (lane == 0u) large_base = take_large(large_items_of_group, most_of(params.large_capacity));
   barrier();
   at += large_base;
   for (; bits != 0u; bits &= bits - 1u) {
@@ -162,8 +167,8 @@ void main() {
   }
   barrier();
   if (lane == 0u) {
-    small_base = take_small(small_items_of_group, params.small_capacity);
-    large_base = take_large(large_items_of_group, params.large_capacity);
+    small_base = take_small(small_items_of_group, most_of(params.small_capacity));
+    large_base = take_large(large_items_of_group, most_of(params.large_capacity));
   }
   barrier();
   for (; bits != 0u; bits &= bits - 1u) {

@@ -54,6 +54,8 @@ void begin_column(TouchTriangle t, int i, int j) {}
 void main() {
   uint group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
   uint index = group * uint(BATCH_GROUP_SIZE) + gl_LocalInvocationIndex;
+  if (index >= params.dispatch_items) return;
+  index += params.item_first;
 #ifdef BATCH_OF_LARGE
   uint count = min(counts.large_count, params.large_capacity);
 #else

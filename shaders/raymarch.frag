@@ -79,6 +79,13 @@ EyeRay clipped_to_section(EyeRay ray) {
   return ray;
 }
 
+// A ray that is about to march.
+struct Look {
+  RayStart start;
+  vec4 level_t;   // of march()
+  bool from_cut;  // it begins at the section plane
+};
+
 struct Sight {
   RayStart start;
   March found;
@@ -96,23 +103,35 @@ vec4 levels_by_footprint(RayStart start) {
   return (side - here) / grows;
 }
 
-Sight look(vec2 pixel) {
+Look look_at(vec2 pixel) {
   EyeRay eye = image_ray(pixel);
   if (has(RAYMARCH_HAS_SECTION)) eye = clipped_to_section(eye);
-  Sight sight;
-  sight.start = dda_start(eye.origin, eye.direction, eye.t_first, eye.t_last, params.box_low.xyz,
-                          params.box_high.xyz);
+  Look look;
+  look.start = dda_start(eye.origin, eye.direction, eye.t_first, eye.t_last, params.box_low.xyz,
+                         params.box_high.xyz);
 #ifdef RAYMARCH_HITS
-  vec4 level_t = vec4(DDA_FAR);
+  look.level_t = vec4(DDA_FAR);
 #else
-  vec4 level_t = levels_by_footprint(sight.start);
+  look.level_t = levels_by_footprint(look.start);
 #endif
-  sight.found = march(march_grid(), sight.start.ray, sight.start.cell, sight.start.t_max, level_t,
-                      sight.start.meets ? params.box_low.w : 0);
-  bool at_start = sight.found.axis < 0;
-  sight.on_section = at_start && sight.start.axis < 0 && eye.t_first > 0.0;
-  if (at_start) sight.found.axis = sight.start.axis;
+  look.from_cut = eye.t_first > 0.0;
+  return look;
+}
+
+Sight sight_of(Look look, March found) {
+  Sight sight;
+  sight.start = look.start;
+  sight.found = found;
+  bool at_start = found.axis < 0;
+  sight.on_section = at_start && look.start.axis < 0 && look.from_cut;
+  if (at_start) sight.found.axis = look.start.axis;
   return sight;
+}
+
+Sight seen(vec2 pixel) {
+  Look look = look_at(pixel);
+  return sight_of(look, march(march_grid(), look.start.ray, look.start.cell, look.start.t_max,
+                              look.level_t, look.start.meets ? params.box_low.w : 0));
 }
 
 // The face through which the ray entered; if it began inside, that of the ray's longest axis.
@@ -127,7 +146,7 @@ int sight_face(Sight sight) {
 layout(location = 0) out ivec4 out_hit;
 
 void main() {
-  Sight sight = look(gl_FragCoord.xy);
+  Sight sight = seen(gl_FragCoord.xy);
   out_hit = ivec4(sight.found.cell, sight.found.hit ? sight_face(sight) : -1);
 }
 
@@ -135,7 +154,14 @@ void main() {
 
 layout(location = 0) out vec4 out_color;
 
+int pixel_samples() { return params.box_high.w * params.box_high.w; }
+
 vec3 voxel_scale() { return params.voxel_size.xyz / params.voxel_size.w; }
+
+#ifdef RAYMARCH_LANES
+// In C++: what pixels share, which is theirs to set.
+PixelLanes* lanes = nullptr;
+#endif
 
 // The last estimate of this pixel. Other samples that hit the same voxel or an adjacent one use it
 // too, because estimating is expensive on software drivers.
@@ -149,7 +175,11 @@ vec3 estimated_normal(March found) {
   if (any(greaterThan(apart, ivec3(1))) || found.level != last_level) {
     last_cell = found.cell >> found.level;
     last_level = found.level;
+#ifdef RAYMARCH_LANES
+    last_normal = lanes_normal(*this, found.cell, found.level);
+#else
     last_normal = march_estimated_normal(march_grid(), found.cell, found.level, voxel_scale());
+#endif
   }
   return last_normal;
 }
@@ -182,34 +212,62 @@ vec3 smooth_normal(March found, vec3 face, vec3 to_eye) {
 #endif
 }
 
+// What a hit shows, before light reaches it.
+struct Surface {
+  vec3 albedo;
+  vec3 face, normal, to_eye;  // unit vectors of the world
+  float edges;
+};
+
 #if RAYMARCH_LIGHT
-// Light on a hit. A section's cut face gets all light, because the voxels in front of it are gone.
-Exposure exposure_of(Sight sight, vec3 face, vec3 normal, int sample_index, int sample_count) {
-  Exposure exposure = Exposure(1.0, 1.0);
-  if (sight.found.axis < 0) return exposure;
+// Where the light on a hit is sampled, and whether.
+struct LightQuery {
+  LitPoint point;
+  vec3 upward;
+  int level;
+  bool is_occluded, is_shadowed;
+};
+
+// A section's cut face gets all light, because the voxels in front of it are gone.
+LightQuery light_query(Sight sight, Surface surface) {
+  LightQuery query;
+  query.level = sight.found.level;
+  query.is_occluded = has(RAYMARCH_OCCLUSION) && sight.found.axis >= 0;
+  query.is_shadowed = has(RAYMARCH_SHADOW) && sight.found.axis >= 0 &&
+                      dot(surface.normal, params.light_world.xyz) > 0.0;
   // Small voxels stand for a smooth surface, which their steps must not darken. Rays therefore
   // start above them.
   float as_cubes = params.footprint.w;
   // Behind a crest the normal towards the eye may point into the surface.
-  vec3 upward = dot(normal, face) > 0.0 ? normalize(mix(normal, face, as_cubes)) : face;
-  float offset = 1.5 * (1.0 - as_cubes) * float(1 << sight.found.level);
-  LitPoint point = light_point(sight.found, sight.start.ray, face, upward, offset, voxel_scale());
-  if (light_is_blocked(march_grid(), point.cell, sight.found.level)) {
-    upward = face;
-    point = light_point(sight.found, sight.start.ray, face, face, 0.0, voxel_scale());
+  vec3 face = surface.face;
+  bool is_towards = dot(surface.normal, face) > 0.0;
+  query.upward = is_towards ? normalize(mix(surface.normal, face, as_cubes)) : face;
+  float offset = 1.5 * (1.0 - as_cubes) * float(1 << query.level);
+  query.point =
+      light_point(sight.found, sight.start.ray, face, query.upward, offset, voxel_scale());
+  if (light_is_blocked(march_grid(), query.point.cell, query.level)) {
+    query.upward = face;
+    query.point = light_point(sight.found, sight.start.ray, face, face, 0.0, voxel_scale());
   }
-  vec4 section = has(RAYMARCH_HAS_SECTION) ? params.section : vec4(0.0);
-  if (has(RAYMARCH_OCCLUSION)) {
-    int rays = max(RAYMARCH_OCCLUSION_RAYS, 4 * sample_count);
-    exposure.open =
-        light_open(march_grid(), point, upward, voxel_scale(), section, sight.found.level,
-                   params.footprint.z, sample_index, sample_count, rays);
+  return query;
+}
+
+int open_rays() { return max(RAYMARCH_OCCLUSION_RAYS, 4 * pixel_samples()); }
+int lit_rays() { return max(RAYMARCH_SHADOW_RAYS, 2 * pixel_samples()); }
+vec4 light_cut() { return has(RAYMARCH_HAS_SECTION) ? params.section : vec4(0.0); }
+
+// The light that reaches it, by this sample's rays.
+Exposure exposure_of(LightQuery query, int sample_index) {
+  Exposure exposure = Exposure(1.0, 1.0);
+  int stride = pixel_samples();
+  if (query.is_occluded) {
+    exposure.open = light_open(march_grid(), query.point, query.upward, voxel_scale(), light_cut(),
+                               query.level, params.footprint.z, sample_index, stride, open_rays());
   }
-  if (has(RAYMARCH_SHADOW) && dot(normal, params.light_world.xyz) > 0.0) {
-    int rays = max(RAYMARCH_SHADOW_RAYS, 2 * sample_count);
-    exposure.lit = light_shadow(march_grid(), point, params.light_world.xyz, RAYMARCH_LIGHT_RADIUS,
-                                voxel_scale(), section, sight.found.level, sample_index,
-                                sample_count, rays);
+  if (query.is_shadowed) {
+    exposure.lit = light_shadow(march_grid(), query.point, params.light_world.xyz,
+                                RAYMARCH_LIGHT_RADIUS, voxel_scale(), light_cut(), query.level,
+                                sample_index, stride, lit_rays());
   }
   return exposure;
 }
@@ -226,38 +284,51 @@ float edge_light(Sight sight, int face) {
   return 1.0 - params.tone.z * (1.0 - smoothstep(0.3 * params.tone.y, params.tone.y, nearest));
 }
 
-vec3 shade(Sight sight, int sample_index, int sample_count) {
+Surface surface_of(Sight sight) {
   March found = sight.found;
-  vec3 albedo = SHADING_NEUTRAL;
+  Surface surface;
+  surface.albedo = SHADING_NEUTRAL;
 #if RAYMARCH_ATTRIBUTES
   if (has(RAYMARCH_HAS_COLOR)) {
     vec3 of_full = mix(SHADING_NEUTRAL, params.full_color.rgb, params.full_color.w);
-    albedo = with_exposure(march_color(found, of_full), params.tone.x);
+    surface.albedo = with_exposure(march_color(found, of_full), params.tone.x);
   }
 #endif
-  int face_number = sight_face(sight);
-  vec3 face = face_normal(face_number);
+  int face = sight_face(sight);
+  surface.face = face_normal(face);
   if (sight.on_section) {
     // A plane's normal scales with the inverse of the scale from grid to world.
-    face = normalize(params.section.xyz / params.voxel_size.xyz);
-    albedo = cut_color(albedo, gl_FragCoord.x + gl_FragCoord.y, params.tone.w);
+    surface.face = normalize(params.section.xyz / params.voxel_size.xyz);
+    surface.albedo =
+        cut_color(surface.albedo, gl_FragCoord.x + gl_FragCoord.y, params.tone.w);
   }
-  float edges = edge_light(sight, face_number);
-  vec3 to_eye = -normalize(sight.start.ray.direction * params.voxel_size.xyz);
-  bool phong = has(RAYMARCH_PHONG);
-  vec3 normal = sight.on_section ? face : smooth_normal(found, face, to_eye);
-  Exposure exposure = Exposure(1.0, 1.0);
-#if RAYMARCH_LIGHT
-  exposure = exposure_of(sight, face, normal, sample_index, sample_count);
-#endif
-  if (!phong) return albedo * flat_light(face, exposure);
+  surface.edges = edge_light(sight, face);
+  surface.to_eye = -normalize(sight.start.ray.direction * params.voxel_size.xyz);
+  surface.normal = sight.on_section ? surface.face
+                                    : smooth_normal(found, surface.face, surface.to_eye);
+  return surface;
+}
+
+vec3 lit_color(Surface surface, Exposure exposure) {
+  if (!has(RAYMARCH_PHONG)) return surface.albedo * flat_light(surface.face, exposure);
   float gloss = has(RAYMARCH_HIGHLIGHT) ? 1.0 : 0.0;
-  return edges * phong_light(albedo, normal, to_eye, params.light_world.xyz, exposure, gloss);
+  return surface.edges * phong_light(surface.albedo, surface.normal, surface.to_eye,
+                                     params.light_world.xyz, exposure, gloss);
+}
+
+vec3 shade(Sight sight, int sample_index) {
+  Surface surface = surface_of(sight);
+#if RAYMARCH_LIGHT
+  return lit_color(surface, exposure_of(light_query(sight, surface), sample_index));
+#else
+  return lit_color(surface, Exposure(1.0, 1.0));
+#endif
 }
 
 #if RAYMARCH_GROUND
-// How dark the floor is under a ray that meets nothing, 0..1.
-float ground_at(vec2 pixel, int sample_index, int sample_count) {
+// How dark the floor is under a ray that meets nothing, 0..1. It varies little within a pixel, so
+// one point of it serves all samples.
+float ground_at(vec2 pixel) {
   EyeRay eye = image_ray(pixel);
   double t = (double(params.ground.y) - eye.origin.y) / eye.direction.y;
   if (eye.direction.y >= 0.0 || t <= 0.0) return 0.0;
@@ -267,11 +338,10 @@ float ground_at(vec2 pixel, int sample_index, int sample_count) {
   float fades = params.ground.w;
   float far = length(from_middle);
   if (far >= 2.0 * fades) return 0.0;
-  int rays = max(RAYMARCH_GROUND_RAYS, 4 * sample_count);
+  int rays = max(RAYMARCH_GROUND_RAYS, 4 * pixel_samples());
   vec4 section = has(RAYMARCH_HAS_SECTION) ? params.section : vec4(0.0);
-  float darkness =
-      ground_darkness(march_grid(), at, params.light_world.xyz, voxel_scale(),
-                      0.5 * fades, section, sample_index, sample_count, rays);
+  float darkness = ground_darkness(march_grid(), at, params.light_world.xyz, voxel_scale(),
+                                   0.5 * fades, section, rays);
   return darkness * (1.0 - smoothstep(fades, 2.0 * fades, far));
 }
 #endif
@@ -285,7 +355,7 @@ struct Contour {
 };
 
 Contour contour(vec2 pixel) {
-  Sight sight = look(pixel);
+  Sight sight = seen(pixel);
   Contour c;
   c.hit = sight.found.hit;
   c.position = vec3(0.0);
@@ -318,40 +388,55 @@ bool has_outline(vec2 pixel) {
 }
 #endif
 
-// The grid and the ground at a position of the image: linear light RGB times alpha.
-vec4 seen_at(vec2 pixel, int sample_index, int sample_count) {
+// The grid at a position of the image: linear light RGB and 1, or 0 where there is none.
+vec4 seen_at(vec2 pixel, int sample_index) {
 #if RAYMARCH_OUTLINE
   return has_outline(pixel) ? vec4(params.line.rgb, 1.0) : vec4(0.0);
 #else
-  Sight sight = look(pixel);
-  if (sight.found.hit) return vec4(shade(sight, sample_index, sample_count), 1.0);
-#if RAYMARCH_GROUND
-  if (has(RAYMARCH_HAS_GROUND)) {
-    float darkness = ground_at(pixel, sample_index, sample_count);
-    return vec4(SHADING_SHADOW * darkness, darkness);
-  }
-#endif
-  return vec4(0.0);
+  Sight sight = seen(pixel);
+  return sight.found.hit ? vec4(shade(sight, sample_index), 1.0) : vec4(0.0);
 #endif
 }
 
-void main() {
+// The position of a sample in the image.
+vec2 sample_place(int index) {
   int side = params.box_high.w;
-  int count = side * side;
+  return floor(gl_FragCoord.xy) + (vec2(index % side, index / side) + 0.5) / float(side);
+}
+
+// The sum of a pixel's samples: linear light RGB, and the number of those that meet the grid.
+vec4 seen_in_pixel() {
   vec4 sum = vec4(0.0);
-  for (int i = 0; i < count; ++i) {
-    vec2 offset = (vec2(i % side, i / side) + 0.5) / float(side);
-    sum += seen_at(floor(gl_FragCoord.xy) + offset, i, count);
-  }
-  // The grid over the background, either of which may be transparent, in linear light. The target
-  // takes straight alpha.
-  float coverage = sum.a / float(count);
+  for (int i = 0; i < pixel_samples(); ++i) sum += seen_at(sample_place(i), i);
+  return sum;
+}
+
+// The samples that meet nothing show the ground.
+vec4 with_ground(vec4 sum, float darkness) {
+  return sum + (float(pixel_samples()) - sum.a) * vec4(SHADING_SHADOW * darkness, darkness);
+}
+
+// The sum over the background, either of which may be transparent, in linear light. The target
+// takes straight alpha.
+vec4 over_background(vec4 sum) {
+  float count = float(pixel_samples());
+  float coverage = sum.a / count;
   vec4 behind = mix(params.background, params.background_top,
                     gl_FragCoord.y / float(params.image.y));
   float back = behind.a * (1.0 - coverage);
   float alpha = coverage + back;
-  vec3 color = sum.rgb / float(count) + behind.rgb * back;
-  out_color = vec4(alpha > 0.0 ? srgb_from_linear(color / alpha) : vec3(0.0), alpha);
+  vec3 color = sum.rgb / count + behind.rgb * back;
+  return vec4(alpha > 0.0 ? srgb_from_linear(color / alpha) : vec3(0.0), alpha);
+}
+
+void main() {
+  vec4 sum = seen_in_pixel();
+#if RAYMARCH_GROUND
+  if (has(RAYMARCH_HAS_GROUND) && sum.a < float(pixel_samples())) {
+    sum = with_ground(sum, ground_at(gl_FragCoord.xy));
+  }
+#endif
+  out_color = over_background(sum);
 }
 
 #endif

@@ -11,6 +11,7 @@
 #include "client/cli/commands/documents.h"
 #include "client/cli/daemon/api_key.h"
 #include "client/cli/output_name.h"
+#include "client/cli/palette_flag.h"
 #include "proto/messages/job.h"
 #include "proto/near_miss.h"
 #include "proto/options/options.h"
@@ -40,7 +41,7 @@ void add_option_flags(CLI::App& app, OptionScope scope, Given& given) {
     app.add_option_function<std::string>(
            flag_of(name), [&given, name](const std::string& value) { given[name] = value; },
            flag_help(option))
-        ->type_name(form_text(option));
+        ->type_name(form_text(option) + (name == "palette" ? " | FILE" : ""));
   }
 }
 
@@ -106,10 +107,11 @@ RequestOptions take_options(const Given& given, OptionScope scope, Arguments& ar
   return *std::move(parsed);
 }
 
-// The names of files that are meshes by themselves, and are not sent beside another one.
+// The names of files that are meshes or voxels by themselves, and are not sent beside another one.
 bool is_mesh_name(const std::string& path) {
-  static const std::set<std::string, std::less<>> names = {".obj",  ".ply", ".stl",     ".off",
-                                                           ".gltf", ".glb", ".md5mesh", ".zip"};
+  static const std::set<std::string, std::less<>> names = {
+      ".obj", ".ply", ".stl",  ".off", ".gltf",   ".glb", ".md5mesh",
+      ".3mf", ".zip", ".voxg", ".vox", ".binvox", ".npy", ".nrrd"};
   return names.contains(std::filesystem::path(path).extension().string());
 }
 
@@ -148,6 +150,9 @@ void check_voxelize(std::vector<std::string> inputs, Given& given, Arguments& ar
   const std::string format =
       format_for(arguments.output, given.contains("format") ? given["format"] : "");
   if (!format.empty()) given["format"] = format;
+  if (const auto palette = given.find("palette"); palette != given.end()) {
+    palette->second = palette_option(palette->second);
+  }
   const RequestOptions options = take_options(given, OptionScope::kVoxelize, arguments);
   const FormatInfo& info = format_info(options.output.format);
   const bool is_sequence = options.animation.is_sequence();
@@ -213,9 +218,10 @@ CLI::App* CommandLine::add(const char* name, const char* help, Arguments::Comman
 }
 
 void CommandLine::add_mesh_commands() {
-  app.add_option("input", inputs,
-                 "mesh file (obj ply stl off gltf glb md5mesh zip), - for stdin; then files that "
-                 "are sent with it (md5anim, textures), or with --out-dir further meshes")
+  app.add_option(
+         "input", inputs,
+         "mesh file (obj ply stl off gltf glb md5mesh 3mf zip), - for stdin; then files that "
+         "are sent with it (md5anim, textures), or with --out-dir further meshes")
       ->type_name("FILE");
   add_output_flags(app, arguments);
   add_option_flags(app, OptionScope::kVoxelize, voxelize_given);

@@ -11,15 +11,29 @@ using Kind = OutputName::Kind;
 
 // Files of these names are taken for meshes, images or volumes of other programs.
 constexpr std::string_view kForeign[] = {
-    ".3ds",       ".3mf", ".binvox", ".blend", ".bmp",  ".dae",  ".exr",
-    ".fbx",       ".glb", ".gltf",   ".jpeg",  ".jpg",  ".json", ".md5mesh",
-    ".nrrd",      ".obj", ".off",    ".ply",   ".qb",   ".raw",  ".schem",
-    ".schematic", ".stl", ".tga",    ".tif",   ".tiff", ".vdb",  ".webp"};
+    ".3ds",  ".3mf",  ".blend", ".bmp",       ".dae", ".exr", ".fbx", ".gltf",
+    ".jpeg", ".jpg",  ".json",  ".md5mesh",   ".off", ".raw", ".stl", ".tga",
+    ".tif",  ".tiff", ".webp",  ".schematic", ".nii", ".mhd", ".nhdr"};
 
 std::string grid_extensions() {
   std::string text;
   for (const FormatInfo& format : output_formats()) text += std::string(format.extension) + ", ";
   return text + std::string(sequence_extension(Format::kNative));
+}
+
+// Whether files of the format, of a grid or a sequence, have the extension.
+bool has_extension(const FormatInfo& format, std::string_view extension) {
+  return extension == format.extension || extension == format.sequence_extension;
+}
+
+// The name's extension, in lower case; of names with two dots the one that a format has: ".nii.gz".
+std::string extension_of_name(const std::string& path) {
+  const std::string name = lower_case(std::filesystem::path(path).filename().string());
+  for (const FormatInfo& format : output_formats()) {
+    const std::string_view extension = format.extension;
+    if (name.size() > extension.size() && name.ends_with(extension)) return std::string(extension);
+  }
+  return std::filesystem::path(name).extension().string();
 }
 
 [[noreturn]] void refuse(const std::string& message) {
@@ -42,13 +56,13 @@ std::string lower_case(std::string text) {
 OutputName OutputName::of(const std::string& path) {
   OutputName name;
   if (path.empty() || path == "-") return name;
-  name.extension = lower_case(std::filesystem::path(path).extension().string());
+  name.extension = extension_of_name(path);
   name.kind = std::ranges::count(kForeign, name.extension) != 0 ? Kind::kForeign : Kind::kOther;
   if (name.extension == ".png" || name.extension == ".gif" || name.extension == ".apng") {
     name.kind = Kind::kImage;
   }
   for (const FormatInfo& format : output_formats()) {
-    if (name.extension == format.extension || name.extension == format.sequence_extension) {
+    if (name.kind != Kind::kGrid && has_extension(format, name.extension)) {
       name.kind = Kind::kGrid;
       name.format = format.format;
     }
@@ -62,8 +76,10 @@ std::string format_for(const std::string& path, const std::string& given) {
     case Kind::kStdout:
       return given;
     case Kind::kGrid:
-      if (given.empty() || given == format_name(name.format)) {
-        return std::string(format_name(name.format));
+      if (given.empty()) return std::string(format_name(name.format));
+      if (const auto format = format_from_name(given);
+          format && has_extension(format_info(*format), name.extension)) {
+        return given;
       }
       refuse("--format " + given + " does not go to a " + name.extension + ", got " + quoted(path));
     case Kind::kImage:

@@ -59,6 +59,9 @@ struct WorkerHello {
   std::string driver;       // GL_VERSION
   std::string device_json;  // object: limits, for /readyz, metrics and grid-too-large
   std::string sandbox;      // "full", "off", or what is missing; empty: not reported
+  // The parts of the device that failed the self-test and are not used; empty: all are used. They
+  // are in this message, so that /readyz never shows such a worker as one without faults.
+  std::string device_failure;
 };
 
 // Folders that a worker may access. It asks for them before it opens its device, because its

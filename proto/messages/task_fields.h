@@ -109,6 +109,7 @@ void visit_fields(IsA<WorkerHello> auto& hello, auto& visit) {
   visit(kOptional, "driver", hello.driver, kIsName);
   visit(kOptional, "device_json", hello.device_json, is_device_json);
   visit(kOptional, "sandbox", hello.sandbox, kIsName);
+  visit(kOptional, "device_failure", hello.device_failure, text_up_to(limits::kTaskErrorBytesMax));
 }
 
 void visit_fields(IsA<WorkerFolders> auto& folders, auto& visit) {

@@ -7,13 +7,19 @@
 #include "proto/channels.h"
 #include "proto/hex.h"
 #include "proto/limits.h"
+#include "proto/minecraft_blocks.h"
 #include "proto/number_text.h"
+#include "proto/options/morphology_limits.h"
 #include "proto/options/words.h"
+#include "proto/palette.h"
 
 namespace voxeld::option_codecs {
 namespace {
 
 using namespace option_values;
+
+// How many colours a .vox may choose from those of a grid.
+constexpr int kPaletteCountMin = 1, kPaletteCountMax = 255;
 
 template <size_t N>
 OptionText joined(const std::optional<std::array<int, N>>& cells) {
@@ -98,6 +104,15 @@ OptionText write_channels(const std::optional<ChannelSet>& channels) {
   return text_if_set(channels, names_of);
 }
 
+Result<std::optional<Channel>> read_one_channel(std::string_view name, std::string_view text) {
+  if (text == "occupancy") return std::optional<Channel>();
+  const auto info = std::ranges::find(kChannels, text, &ChannelInfo::name);
+  if (info != kChannels.end()) return std::optional(info->channel);
+  std::string expected = "occupancy";
+  for (const ChannelInfo& known : kChannels) expected += " | " + std::string(known.name);
+  return invalid(name, expected, text);
+}
+
 // Canonical JSON holds the animation's name, and JSON must be UTF-8.
 bool is_utf8(std::string_view text) {
   using Handler = nlohmann::json::error_handler_t;
@@ -105,7 +120,8 @@ bool is_utf8(std::string_view text) {
   return json.dump(-1, ' ', false, Handler::replace) == json.dump(-1, ' ', false, Handler::ignore);
 }
 
-Result<std::string> read_animation(std::string_view name, std::string_view text) {
+static_assert(client_texts::kAnimation.bytes_max == client_texts::kVariant.bytes_max);
+Result<std::string> read_name_or_number(std::string_view name, std::string_view text) {
   if (text.empty() || text.size() > client_texts::kAnimation.bytes_max ||
       text.find('\0') != std::string_view::npos || !is_utf8(text)) {
     return invalid(name, "a name or number: 1 to 255 bytes of UTF-8 without NUL", text);
@@ -184,18 +200,135 @@ Result<std::array<int, 6>> read_region(std::string_view name, std::string_view t
 
 using Color = std::array<uint8_t, 4>;
 
+// Reads pairs of hexadecimal digits, with or without a number sign before them, into the first
+// components. Returns whether there are `digits` of them and nothing else.
+template <size_t N>
+bool read_hex(std::string_view text, size_t digits, std::array<uint8_t, N>& components) {
+  if (text.starts_with('#')) text.remove_prefix(1);
+  if (text.size() != digits) return false;
+  for (size_t i = 0; i < digits / 2; ++i) {
+    const char* begin = text.data() + 2 * i;
+    const auto [end, error] = std::from_chars(begin, begin + 2, components[i], 16);
+    if (error != std::errc() || end != begin + 2) return false;
+  }
+  return true;
+}
+
 Result<Color> read_color(std::string_view name, std::string_view text) {
   if (text == "transparent") return Color{0, 0, 0, 0};
-  const std::string_view digits = text.starts_with('#') ? text.substr(1) : text;
-  const Error wrong = invalid(name, "#rrggbb | #rrggbbaa | transparent", text);
-  if (digits.size() != 6 && digits.size() != 8) return wrong;
   Color color = {0, 0, 0, 255};
-  for (size_t i = 0; i < digits.size() / 2; ++i) {
-    const char* begin = digits.data() + 2 * i;
-    const auto [end, error] = std::from_chars(begin, begin + 2, color[i], 16);
-    if (error != std::errc() || end != begin + 2) return wrong;
+  if (read_hex(text, 6, color) || read_hex(text, 8, color)) return color;
+  return invalid(name, "#rrggbb | #rrggbbaa | transparent", text);
+}
+
+std::string palette_names() {
+  std::string names;
+  for (const NamedPalette& palette : named_palettes()) {
+    names += (names.empty() ? "" : " | ") + std::string(palette.name);
   }
-  return color;
+  return names;
+}
+
+// Colours as in "#1a1c2c,#f4f4f4".
+Result<std::vector<PaletteColor>> read_palette_colors(std::string_view name,
+                                                      std::string_view text) {
+  const std::vector<std::string_view> parts = split(text);
+  if (parts.size() > kPaletteColorsMax) {
+    return invalid(name, "at most " + std::to_string(kPaletteColorsMax) + " colours",
+                   std::to_string(parts.size()));
+  }
+  std::vector<PaletteColor> colors(parts.size());
+  for (size_t i = 0; i < parts.size(); ++i) {
+    if (read_hex(parts[i], 6, colors[i])) continue;
+    if (parts.size() == 1) {
+      return invalid(name,
+                     std::to_string(kPaletteCountMin) + " to " + std::to_string(kPaletteCountMax) +
+                         ", colours as in #1a1c2c,#f4f4f4, or " + palette_names(),
+                     text);
+    }
+    return invalid(std::string(name) + ", colour " + std::to_string(i + 1), "#rrggbb", parts[i]);
+  }
+  return without_repeats(colors);
+}
+
+Status parse_palette(RequestOptions& options, std::string_view name, std::string_view text) {
+  OutputOptions& output = options.output;
+  const auto count = parse_number<int>(text, kPaletteCountMin, kPaletteCountMax);
+  if (count && text.size() <= 3) {  // six digits are a colour
+    output.palette_max = *count;
+    output.palette.clear();
+    return {};
+  }
+  if (const NamedPalette* known = find_palette(text)) {
+    output.palette = known->colors;
+    return {};
+  }
+  VOXELD_ASSIGN(output.palette, read_palette_colors(name, text));
+  return {};
+}
+
+constexpr std::string_view kAxisNames = "xyz";
+
+using Axes = std::array<bool, 3>;
+
+Result<Axes> read_axes(std::string_view name, std::string_view text) {
+  Axes axes{};
+  for (const std::string_view part : split(text)) {
+    const size_t axis = part.size() == 1 ? kAxisNames.find(part) : std::string_view::npos;
+    if (axis == std::string_view::npos) return invalid(name, "a list of x, y and z", text);
+    axes[axis] = true;
+  }
+  return axes;
+}
+
+OptionText write_axes(const Axes& axes) {
+  std::string text;
+  for (size_t c = 0; c < axes.size(); ++c) {
+    if (!axes[c]) continue;
+    if (!text.empty()) text += ',';
+    text += kAxisNames[c];
+  }
+  return text_if_any(text);
+}
+
+Result<int> read_keep(std::string_view name, std::string_view text) {
+  if (text == "largest") return 1;
+  const auto count = parse_number<int>(text, 0, limits::kComponentsMax);
+  if (count) return *count;
+  return invalid(name, "largest, or 0 (all) to " + std::to_string(limits::kComponentsMax), text);
+}
+
+Result<std::vector<LabelChange>> read_remap(std::string_view name, std::string_view text) {
+  constexpr int kLabelMax = 65535;
+  std::vector<LabelChange> changes;
+  for (const std::string_view part : split(text)) {
+    const size_t colon = std::min(part.find(':'), part.size());
+    const auto from = parse_number<int>(part.substr(0, colon), 1, kLabelMax);
+    const auto to =
+        colon < part.size() ? parse_number<int>(part.substr(colon + 1), 1, kLabelMax) : from;
+    if (!from || !to || colon == part.size()) {
+      return invalid(name, "FROM:TO,... of labels from 1 to 65535", text);
+    }
+    changes.push_back({static_cast<uint16_t>(*from), static_cast<uint16_t>(*to)});
+  }
+  if (changes.size() > static_cast<size_t>(limits::kLabelChangesMax)) {
+    return invalid(name, "at most " + std::to_string(limits::kLabelChangesMax) + " changes",
+                   std::to_string(changes.size()));
+  }
+  std::ranges::sort(changes, {}, &LabelChange::from);
+  const auto same = std::ranges::adjacent_find(changes, {}, &LabelChange::from);
+  if (same == changes.end()) return changes;
+  return invalid(name, "each label once before a colon",
+                 std::to_string(same->from) + " more than once");
+}
+
+OptionText write_remap(const std::vector<LabelChange>& changes) {
+  std::string text;
+  for (const LabelChange& change : changes) {
+    if (!text.empty()) text += ',';
+    text += std::to_string(change.from) + ":" + std::to_string(change.to);
+  }
+  return text_if_any(text);
 }
 
 Result<int> read_samples(std::string_view name, std::string_view text) {
@@ -265,11 +398,30 @@ OptionCodec channels() {
   return member_codec(&VoxelizeOptions::channels, std::move(values), read_channels, write_channels);
 }
 
-OptionCodec animation_name() {
+OptionCodec one_channel() {
+  WordValues values{{"occupancy"}};
+  for (const ChannelInfo& info : kChannels) values.words.push_back(info.name);
+  return member_codec(&OutputOptions::channel, std::move(values), read_one_channel,
+                      [](const std::optional<Channel>& channel) {
+                        return text_if_set(channel, [](Channel set) {
+                          return std::string(channel_info(set).name);
+                        });
+                      });
+}
+
+template <typename Part>
+OptionCodec name_or_number(std::optional<std::string> Part::*member) {
   return member_codec(
-      &AnimationOptions::animation, TextValues{"^[^\\u0000]+$", /*takes_integer=*/true},
-      read_animation,
+      member, TextValues{"^[^\\u0000]+$", /*takes_integer=*/true}, read_name_or_number,
       [](const std::optional<std::string>& name) { return text_if_any(name.value_or("")); });
+}
+
+OptionCodec animation_name() {
+  return name_or_number(&AnimationOptions::animation);
+}
+
+OptionCodec variant_name() {
+  return name_or_number(&VoxelizeOptions::variant);
 }
 
 OptionCodec frames() {
@@ -298,6 +450,52 @@ OptionCodec region() {
                                        .min = 0,
                                        .max = limits::kGridSideMax},
                       read_region, joined<6>);
+}
+
+OptionCodec blocks() {
+  WordListValues values{{}, "[a-z0-9_:]+"};
+  const auto groups = minecraft_block_groups();
+  values.words.assign(groups.begin(), groups.end());
+  return member_codec(
+      &OutputOptions::blocks, std::move(values),
+      [](std::string_view name, std::string_view text) {
+        return canonical_block_names(name, split(text));
+      },
+      [](const std::vector<std::string>& names) {
+        std::string text;
+        for (const std::string& one : names) text += (text.empty() ? "" : ",") + one;
+        return text_if_any(text);
+      });
+}
+
+// Canonical JSON has the colours of a name.
+OptionCodec palette() {
+  return {TextValues{"^([0-9]{1,3}|[a-z][a-z0-9]*|#?[0-9A-Fa-f]{6}(,#?[0-9A-Fa-f]{6})*)$",
+                     /*takes_integer=*/true},
+          parse_palette, [](const RequestOptions& options) -> OptionText {
+            const OutputOptions& output = options.output;
+            if (output.palette.empty()) return output.palette_max;
+            return palette_text(output.palette);
+          }};
+}
+
+OptionCodec keep() {
+  return member_codec(&OutputOptions::keep,
+                      TextValues{"^(largest|0|[1-9][0-9]{0,6})$", /*takes_integer=*/true},
+                      read_keep, [](int count) -> OptionText {
+                        return count == 0 ? OptionText() : OptionText(std::to_string(count));
+                      });
+}
+
+OptionCodec remap() {
+  return member_codec(&OutputOptions::remap,
+                      TextValues{"^[0-9]{1,5}:[0-9]{1,5}(,[0-9]{1,5}:[0-9]{1,5})*$"}, read_remap,
+                      write_remap);
+}
+
+OptionCodec mirror() {
+  return member_codec(&OutputOptions::mirror, WordListValues{{"x", "y", "z"}}, read_axes,
+                      write_axes);
 }
 
 OptionCodec background() {

@@ -113,12 +113,19 @@ OptionCodec dims();
 OptionCodec voxel_size();  // one number stands for three equal ones
 OptionCodec bounds();
 OptionCodec units();
-OptionCodec channels();  // names of channels; occupancy is always there
+OptionCodec channels();     // names of channels; occupancy is always there
+OptionCodec one_channel();  // the name of a channel; occupancy stands for none
 OptionCodec animation_name();
+OptionCodec variant_name();
 OptionCodec frames();  // FIRST..LAST, or one number
 OptionCodec times();   // ascending seconds
 OptionCodec format();
 OptionCodec region();
+OptionCodec blocks();   // names of groups and of blocks
+OptionCodec palette();  // a count, a name or colours
+OptionCodec keep();     // largest, or a count
+OptionCodec remap();    // FROM:TO of labels
+OptionCodec mirror();   // axes
 OptionCodec background();
 OptionCodec samples();  // auto, or a number
 OptionCodec section();

@@ -13,6 +13,7 @@
 
 #include "proto/channels.h"
 #include "proto/output_format.h"
+#include "proto/palette.h"
 #include "proto/result.h"
 
 namespace voxeld {
@@ -28,8 +29,18 @@ enum class Interior { kNone, kNearest };
 enum class LevelRule { kAny, kMajority };
 enum class PipelineChoice { kAuto, kRaster, kCompute, kCpu };
 enum class Codec { kFast, kSmall };
+// What the arrays of a NumPy file are: of all cells, or with a row for each voxel.
+enum class ArrayLayout { kDense, kSparse, kAtlas };
 enum class AxisOrder { kZyx, kXyz };
-// The sample type of a dense output. uint8: occupancy 0/1, colour 0..255 (sRGB), normal as int8.
+// The mesh of a grid is made of: a square for each outer face of a voxel; rectangles of faces
+// in one plane and colour; a smooth surface between the voxels and the empty cells; or a cube for
+// each voxel that has an outer face, drawn by the viewer.
+enum class MeshSurface { kFaces, kGreedy, kSmooth, kInstances };
+enum class MeshCompression { kNone, kMeshopt };
+// How colours become those of a palette: the nearest; or so that the mean of neighbours stays, by
+// an ordered (Bayer) threshold or by error diffusion.
+enum class Dither { kNone, kBayer, kError };
+// The sample type of arrays. uint8: occupancy 0/1, colour 0..255 (sRGB), normal as int8.
 // float32: occupancy 0/1, colour 0..1 (linear light), normal -1..1.
 enum class DType { kUint8, kBool, kFloat32 };
 enum class Projection { kPerspective, kOrthographic };
@@ -75,6 +86,9 @@ struct VoxelizeOptions {
   // Unset: occupancy, colour if the mesh has colours, and the distance of a band.
   std::optional<ChannelSet> channels;
   LabelKind labels = LabelKind::kMesh;  // what channel label numbers
+  // Name or number of a material variant (KHR_materials_variants); unset: the file's materials.
+  std::optional<std::string> variant;
+  double threshold = 0.5;  // least sample of a voxel, of a file of samples
   PipelineChoice pipeline = PipelineChoice::kAuto;
 
   // Whether the request names the channel.
@@ -103,17 +117,53 @@ struct AnimationOptions {
   bool operator==(const AnimationOptions&) const = default;
 };
 
+// The cells around a cell that touch it in a face; in a face or an edge; or at all.
+enum class Neighbors { kFaces, kEdges, kCorners };
+
+struct LabelChange {
+  uint16_t from = 0;
+  uint16_t to = 0;
+  bool operator==(const LabelChange&) const = default;
+};
+
 // The output format of a grid and its details.
 struct OutputOptions {
   Format format = Format::kNative;
   Codec codec = Codec::kFast;
+  ArrayLayout layout = ArrayLayout::kDense;
   AxisOrder axes = AxisOrder::kZyx;
   DType dtype = DType::kUint8;
-  int palette_max = 255;  // .vox: colours, 1..255
-  int level = 0;          // of detail: one voxel stands for 2^level on a side
+  int palette_max = 255;  // .vox: colours, 1..255, which are chosen from the grid's
+  // The colours to map those of voxels to, 1..256, in the order of the palette; empty: palette_max.
+  std::vector<PaletteColor> palette;
+  MeshSurface mesh = MeshSurface::kGreedy;
+  MeshCompression compress = MeshCompression::kNone;  // .glb
+  // Formats with one array: the channel that it holds; unset: occupancy.
+  std::optional<Channel> channel;
+  // Minecraft formats: the blocks to choose from, by names of blocks and groups; empty: all that
+  // are full cubes.
+  std::vector<std::string> blocks;
+  Dither dither = Dither::kNone;  // .vox and Minecraft formats
+  int schem_version = 2;          // of the Sponge schematic format: 2 or 3
+  int zarr_version = 3;           // of the Zarr format: 2 or 3
+  int level = 0;                  // of detail: one voxel stands for 2^level on a side
   LevelRule level_rule = LevelRule::kAny;
   // The first cell and the one after the last, at level 0: x0,y0,z0,x1,y1,z1.
   std::optional<std::array<int, 6>> region;
+  int keep = 0;    // the number of the largest components of voxels that remain; 0: all
+  int dilate = 0;  // steps by which the voxels grow
+  int erode = 0;   // steps by which they shrink, after dilate
+  int hollow = 0;  // voxels within so many steps of an empty cell remain; 0: all
+  Neighbors neighbors = Neighbors::kFaces;  // of a cell in a component, and of a step
+  std::vector<LabelChange> remap;           // of channel label, ascending by `from`
+  bool crop = false;                        // to the box of the selected cells that are occupied
+  std::array<bool, 3> mirror{};             // axes along which the selected cells are reversed
+
+  // That of the format, in the layout that is asked for.
+  FileLayout file_layout() const {
+    const FileLayout own = format_info(format).layout;
+    return own.may_be_sparse && layout == ArrayLayout::kSparse ? FileLayout::sparse_arrays() : own;
+  }
 };
 
 struct RenderOptions {

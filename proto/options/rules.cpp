@@ -4,6 +4,7 @@
 #include <array>
 #include <string>
 
+#include "proto/minecraft_blocks.h"
 #include "proto/options/values.h"
 #include "proto/options/words.h"
 
@@ -14,6 +15,7 @@ using namespace option_values;
 namespace words = option_words;
 
 constexpr double kDefaultBandThickness = 3.0;                  // voxels
+constexpr size_t kVoxColorsMax = 255;                          // entry 0 is the empty cell
 constexpr int kDefaultSheetSide = 160;                         // pixels of one image of a sheet
 constexpr double kIsometricElevationDeg = 35.264389682754654;  // atan(1 / sqrt(2))
 
@@ -162,6 +164,137 @@ Status columns_need_sheet(const Parsed& request) {
   return invalid("columns", "image sheet with it", request.image());
 }
 
+Status sparse_layout_needs_arrays(const Parsed& request) {
+  const OutputOptions& output = request.options.output;
+  if (output.layout != ArrayLayout::kSparse || format_info(output.format).layout.may_be_sparse) {
+    return {};
+  }
+  return invalid("layout", "format npy or npz with it", format_name(output.format));
+}
+
+Status atlas_needs_slices(const Parsed& request) {
+  const OutputOptions& output = request.options.output;
+  if (output.layout != ArrayLayout::kAtlas || output.format == Format::kSlices) return {};
+  return invalid("layout", "format slices with atlas", format_name(output.format));
+}
+
+Status sparse_layout_has_no_axes(const Parsed& request) {
+  const OutputOptions& output = request.options.output;
+  if (output.layout != ArrayLayout::kSparse || output.axes == AxisOrder::kZyx) return {};
+  return invalid("axes", "zyx, or layout dense", "xyz");
+}
+
+Status mesh_needs_a_format_of_meshes(const Parsed& request) {
+  const Format format = request.options.output.format;
+  if (!request.gives("mesh") || format_info(format).layout.is_mesh()) return {};
+  return invalid("mesh", "format glb, ply or obj with it", format_name(format));
+}
+
+Status channel_needs_a_format_of_one_array(const Parsed& request) {
+  const Format format = request.options.output.format;
+  if (!request.gives("channel") || format_info(format).layout.kind == FileLayout::kDenseChannel) {
+    return {};
+  }
+  return invalid("channel", "format nrrd, mha, nii, ktx2, raw or slices with it",
+                 format_name(format));
+}
+
+// Channels that the grid cannot have. Only the mesh tells whether it has colours.
+Status channel_is_one_of_the_grid(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  const std::optional<Channel> channel = request.options.output.channel;
+  if (!channel || request.scope != OptionScope::kVoxelize) return {};
+  const bool may_have =
+      v.channels ? v.channels->has(*channel)
+                 : channel == Channel::kColor || (channel == Channel::kDistance && v.measures());
+  if (may_have) return {};
+  const std::string_view name = channel_info(*channel).name;
+  return invalid("channel", "channels with " + std::string(name), name);
+}
+
+Status instances_and_compression_need_glb(const Parsed& request) {
+  const OutputOptions& output = request.options.output;
+  if (output.format == Format::kGlb) return {};
+  if (output.mesh == MeshSurface::kInstances) {
+    return invalid("mesh", "format glb with instances", format_name(output.format));
+  }
+  if (output.compress == MeshCompression::kNone) return {};
+  return invalid("compress", "format glb with it", format_name(output.format));
+}
+
+Status blocks_need_a_format_of_blocks(const Parsed& request) {
+  const Format format = request.options.output.format;
+  if (!request.gives("blocks") || holds_blocks(format)) return {};
+  return invalid("blocks", "format schem, litematic or nbt with it", format_name(format));
+}
+
+// Whether files of the format hold colours and no palette of blocks.
+bool takes_palette(const OutputOptions& output) {
+  const FileLayout layout = format_info(output.format).layout;
+  if (layout.kind == FileLayout::kDenseChannel) return output.channel == Channel::kColor;
+  return layout.kind != FileLayout::kDenseOccupancy && output.format != Format::kBt &&
+         output.format != Format::kInp && !holds_blocks(output.format);
+}
+
+Status palette_needs_a_format_of_colors(const Parsed& request) {
+  const OutputOptions& output = request.options.output;
+  if (output.palette.empty()) return {};
+  if (takes_palette(output)) {
+    if (output.format != Format::kVox || output.palette.size() <= kVoxColorsMax) return {};
+    return invalid("palette", "at most " + std::to_string(kVoxColorsMax) + " colours of a vox",
+                   std::to_string(output.palette.size()));
+  }
+  if (format_info(output.format).layout.kind == FileLayout::kDenseChannel) {
+    return invalid("palette", "channel color with it",
+                   output.channel ? channel_info(*output.channel).name : "occupancy");
+  }
+  return invalid("palette",
+                 holds_blocks(output.format) ? "blocks instead in this format"
+                                             : "a format that holds colours with it",
+                 format_name(output.format));
+}
+
+Status dither_needs_a_palette(const Parsed& request) {
+  const OutputOptions& output = request.options.output;
+  const bool has_palette =
+      output.format == Format::kVox || holds_blocks(output.format) || !output.palette.empty();
+  if (output.dither == Dither::kNone || has_palette) return {};
+  return invalid("dither", "format vox, schem, litematic or nbt, or colours as palette with it",
+                 format_name(output.format));
+}
+
+Status schem_version_needs_schem(const Parsed& request) {
+  const Format format = request.options.output.format;
+  if (!request.gives("schem_version") || format == Format::kSchem) return {};
+  return invalid("schem_version", "format schem with it", format_name(format));
+}
+
+Status zarr_version_needs_zarr(const Parsed& request) {
+  const Format format = request.options.output.format;
+  if (!request.gives("zarr_version") || format == Format::kZarr) return {};
+  return invalid("zarr_version", "format zarr with it", format_name(format));
+}
+
+Status neighbors_need_a_use(const Parsed& request) {
+  const OutputOptions& output = request.options.output;
+  const bool is_used =
+      output.keep > 0 || output.dilate > 0 || output.erode > 0 || output.hollow > 0;
+  if (!request.gives("neighbors") || is_used) return {};
+  return invalid("neighbors", "keep, dilate, erode or hollow with it", "none of them");
+}
+
+Status dilate_needs_no_distances(const Parsed& request) {
+  if (request.scope != OptionScope::kVoxelize || request.options.output.dilate == 0) return {};
+  if (!request.options.voxelize.measures()) return {};
+  return invalid("dilate", "channels without distance", "distance");
+}
+
+Status remap_needs_labels(const Parsed& request) {
+  if (request.scope != OptionScope::kVoxelize || request.options.output.remap.empty()) return {};
+  if (request.options.voxelize.names(Channel::kLabel)) return {};
+  return invalid("remap", "channels with label", "channels without it");
+}
+
 // The number of frames that the request names; 0: as many as the input has.
 int frames_named(const AnimationOptions& animation) {
   if (animation.frames) return (*animation.frames)[1] - (*animation.frames)[0] + 1;
@@ -244,6 +377,21 @@ constexpr std::array kRules = {sign_needs_inside_or_distance,
                                exposure_needs_colors,
                                rate_needs_gif_or_apng,
                                columns_need_sheet,
+                               sparse_layout_needs_arrays,
+                               atlas_needs_slices,
+                               sparse_layout_has_no_axes,
+                               mesh_needs_a_format_of_meshes,
+                               channel_needs_a_format_of_one_array,
+                               channel_is_one_of_the_grid,
+                               instances_and_compression_need_glb,
+                               blocks_need_a_format_of_blocks,
+                               palette_needs_a_format_of_colors,
+                               dither_needs_a_palette,
+                               schem_version_needs_schem,
+                               zarr_version_needs_zarr,
+                               neighbors_need_a_use,
+                               dilate_needs_no_distances,
+                               remap_needs_labels,
                                frame_is_one_of_sequence,
                                turntable_shows_one_grid,
                                several_images_need_frames_or_views,

@@ -5,9 +5,13 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "proto/minecraft_blocks.h"
 #include "proto/number_text.h"
 #include "proto/options/codecs.h"
+#include "proto/options/image_options.h"
+#include "proto/options/morphology_limits.h"
 #include "proto/options/words.h"
+#include "proto/palette.h"
 
 namespace voxeld {
 namespace {
@@ -41,20 +45,75 @@ bool has_sign(const RequestOptions& options) {
 bool has_thickness(const RequestOptions& options) {
   return options.voxelize.fill == Fill::kShell || options.voxelize.fill == Fill::kBand;
 }
+bool has_threshold(const RequestOptions& options) {
+  return options.voxelize.threshold != VoxelizeOptions{}.threshold;
+}
 bool has_labels(const RequestOptions& options) {
   return options.voxelize.names(Channel::kLabel);
 }
 bool moves(const RequestOptions& options) {
   return options.animation.moves();
 }
+bool has_layout(const RequestOptions& options) {
+  return options.output.layout != ArrayLayout::kDense;
+}
+bool is_mesh(const RequestOptions& options) {
+  return options.output.file_layout().is_mesh();
+}
+bool is_compressed(const RequestOptions& options) {
+  return options.output.compress != MeshCompression::kNone;
+}
+bool is_dithered(const RequestOptions& options) {
+  return options.output.dither != Dither::kNone;
+}
+bool is_schem(const RequestOptions& options) {
+  return options.output.format == Format::kSchem;
+}
+bool is_zarr(const RequestOptions& options) {
+  return options.output.format == Format::kZarr;
+}
+bool is_dilated(const RequestOptions& options) {
+  return options.output.dilate > 0;
+}
+bool is_eroded(const RequestOptions& options) {
+  return options.output.erode > 0;
+}
+bool is_hollow(const RequestOptions& options) {
+  return options.output.hollow > 0;
+}
+bool uses_neighbors(const RequestOptions& options) {
+  return options.output.keep > 0 || is_dilated(options) || is_eroded(options) || is_hollow(options);
+}
+bool is_cropped(const RequestOptions& options) {
+  return options.output.crop;
+}
 bool is_coarse(const RequestOptions& options) {
   return options.output.level > 0;
 }
-bool is_several_images(const RequestOptions& options) {
-  return options.render.image != ImageKind::kPng;
+bool has_levels(const RequestOptions& options) {
+  return is_coarse(options) || is_zarr(options);
 }
-bool is_later_frame(const RequestOptions& options) {
-  return options.render.frame > 0;
+
+// "Groups: `concrete`, …".
+std::string block_groups() {
+  std::string text;
+  for (const std::string_view group : minecraft_block_groups()) {
+    text += (text.empty() ? "Groups: `" : ", `") + std::string(group) + "`";
+  }
+  return text;
+}
+
+std::string palette_details() {
+  std::string names;
+  for (const NamedPalette& palette : named_palettes()) {
+    names += (names.empty() ? "`" : ", `") + std::string(palette.name) + "` (" +
+             std::string(palette.origin) + ")";
+  }
+  return "Colours or a name: each voxel gets the colour of the palette that is nearest in OKLab, "
+         "in "
+         "every format that holds colours; voxels inside of solids, which have no colour, get the "
+         "mean as always. A .vox has the palette in its order. Names: " +
+         names + ".";
 }
 
 std::vector<Option> placement_options() {
@@ -148,6 +207,18 @@ std::vector<Option> voxelization_options() {
        .help = "what channel label numbers: the one with the largest part of a voxel",
        .details = "`meta` of the response names each id.",
        .is_written = has_labels},
+      {.name = "variant",
+       .form = "NAME | N",
+       .codec = variant_name(),
+       .help = "materials of a glTF file, by name or number of one of its variants",
+       .details = "A file without KHR_materials_variants is refused.",
+       .default_words = "the file's own",
+       .bytes_max = client_texts::kVariant.bytes_max},
+      {.name = "threshold",
+       .form = "F",
+       .codec = number(&V::threshold, -limits::kThresholdMax, limits::kThresholdMax),
+       .help = "least sample that makes a voxel, of a file of samples (npy, nrrd)",
+       .is_written = has_threshold},
       {.name = "pipeline",
        .codec = word(&V::pipeline, words::kPipeline),
        .help = "how the grid is computed; its bytes are always the same"},
@@ -199,13 +270,116 @@ std::vector<Option> output_options() {
       {.name = "codec",
        .codec = word(&O::codec, words::kCodec),
        .help = "compression of format native: quick, or a third of the bytes and slow"},
-      {.name = "axes", .codec = word(&O::axes, words::kAxes), .help = "axis order of npy and npz"},
+      {.name = "layout",
+       .codec = word(&O::layout, words::kLayout),
+       .help = "arrays of npy and npz: of all cells, or with a row for each voxel; slices: in one "
+               "image",
+       .details = "`sparse`: `coords` with columns x, y, z, in Morton order, and a row of each "
+                  "channel in the same order; `npy` has the coords alone. `atlas`, of format "
+                  "slices: one image with all slices beside and below each other.",
+       .is_written = has_layout},
+      {.name = "axes",
+       .codec = word(&O::axes, words::kAxes),
+       .help = "axis order of npy and npz in layout dense"},
       {.name = "dtype",
        .codec = word(&O::dtype, words::kDType),
-       .help = "sample type of npy and npz"},
+       .help = "sample type of npy, npz, vti, nrrd, mha, nii, raw and zarr"},
       {.name = "palette",
-       .codec = integer(&O::palette_max, 1, 255),
-       .help = "most colours of a .vox"},
+       .form = "N | NAME | #RRGGBB,...",
+       .codec = palette(),
+       .help = "colours: how many of its own a .vox has at most, or those of a palette",
+       .details = palette_details(),
+       .bytes_max = client_texts::kPalette.bytes_max},
+      {.name = "mesh",
+       .codec = word(&O::mesh, words::kMesh),
+       .help =
+           "surface of glb, ply and obj: squares, rectangles merged by colour, smooth, or cubes",
+       .details = "`faces`: a square for each face between a voxel and an empty cell. `greedy`: "
+                  "squares of one plane and colour are merged. `smooth`: surface nets on distance "
+                  "or coverage of solids and distance of bands, otherwise on occupancy. "
+                  "`instances`: of glb alone, a cube that the viewer draws for each voxel.",
+       .is_written = is_mesh},
+      {.name = "channel",
+       .codec = one_channel(),
+       .help = "channel whose array a nrrd, mha, nii, ktx2, raw or slices holds",
+       .default_words = "occupancy"},
+      {.name = "compress",
+       .codec = word(&O::compress, words::kCompress),
+       .help = "compression of a glb; readers need EXT_meshopt_compression",
+       .is_written = is_compressed},
+      {.name = "blocks",
+       .form = "NAME,NAME,...",
+       .codec = blocks(),
+       .help = "blocks of schem, litematic and nbt: names of groups and of blocks",
+       .details = block_groups() + ". A name with `minecraft:` is a block's: some groups are named "
+                                   "like a block.",
+       .default_words = "all"},
+      {.name = "dither",
+       .codec = word(&O::dither, words::kDither),
+       .help = "colours that the palette lacks, of a palette, vox, schem, litematic or nbt: the "
+               "nearest one, or a mixture by a pattern or by error diffusion",
+       .is_written = is_dithered},
+      {.name = "schem_version",
+       .codec = integer(&O::schem_version, 2, 3),
+       .help = "version of the Sponge schematic format of a schem",
+       .is_written = is_schem},
+      {.name = "zarr_version",
+       .codec = integer(&O::zarr_version, 2, 3),
+       .help = "version of the Zarr format of a zarr",
+       .is_written = is_zarr},
+      {.name = "keep",
+       .form = "largest | N",
+       .codec = keep(),
+       .help = "number of the largest components of voxels that remain; 0: all",
+       .details = "A component is connected by `neighbors`; of equally large ones that comes first "
+                  "whose first cell does, by z, y, x. `keep`, `dilate`, `erode` and `hollow` are "
+                  "applied in this order, after `level` and `region` and before `crop` and "
+                  "`mirror`; cells outside the selection are empty.",
+       .default_words = "all"},
+      {.name = "dilate",
+       .codec = integer(&O::dilate, 0, limits::kMorphologyStepsMax),
+       .help = "steps by which the voxels grow",
+       .details = "Within the grid: `padding` gives room. An added voxel has the values of its "
+                  "first neighbour of the step before, one at a face before one at an edge before "
+                  "one at a corner, then by lowest z, y, x; its coverage is full. Grids with "
+                  "distances are refused.",
+       .is_written = is_dilated},
+      {.name = "erode",
+       .codec = integer(&O::erode, 0, limits::kMorphologyStepsMax),
+       .help = "steps by which the voxels shrink",
+       .details = "Channels distance and coverage stay those of the mesh.",
+       .is_written = is_eroded},
+      {.name = "hollow",
+       .codec = integer(&O::hollow, 0, limits::kMorphologyStepsMax),
+       .help = "thickness of the shell that remains of the voxels, in steps; 0: all remain",
+       .details = "Those voxels remain that `erode` by as many steps would remove.",
+       .is_written = is_hollow},
+      {.name = "neighbors",
+       .codec = word(&O::neighbors, words::kNeighbors),
+       .help = "cells around a cell that keep, dilate, erode and hollow count as its neighbours",
+       .details = "`6`: those at its faces. `18`: at edges, too. `26`: at corners, too.",
+       .is_written = uses_neighbors},
+      {.name = "remap",
+       .form = "FROM:TO,...",
+       .codec = remap(),
+       .help = "changes of the numbers of labels, 1 to 65535",
+       .details = "All at once: `1:2,2:1` exchanges two. Names of labels in the meta move, too; of "
+                  "labels that become one, the name of TO stays, or else that of the lowest FROM.",
+       .default_words = "none"},
+      {.name = "crop",
+       .codec = word(&O::crop, words::kYesNo),
+       .help = "whether the grid becomes the box of its occupied cells",
+       .details = "After `level`, `region` and `hollow`; voxels keep their place in the world. The "
+                  "frames of "
+                  "a sequence have the box of all frames. A grid without voxels stays as it is.",
+       .is_written = is_cropped},
+      {.name = "mirror",
+       .form = "x,y,z",
+       .codec = mirror(),
+       .help = "axes along which the cells are in reverse order",
+       .details = "After `level`, `region` and `crop`; the grid keeps its place in the world. "
+                  "Normals are mirrored, too.",
+       .default_words = "none"},
   };
 }
 
@@ -220,116 +394,12 @@ std::vector<Option> selection_options() {
       {.name = "level_rule",
        .codec = word(&O::level_rule, words::kLevelRule),
        .help = "occupied cells that a voxel of a level needs: any, or at least half of them",
-       .is_written = is_coarse},
+       .is_written = has_levels},
       {.name = "region",
        .form = "X0,Y0,Z0,X1,Y1,Z1",
        .codec = region(),
        .help = "cells of the grid: the first ones, and those after the last",
        .default_words = "all"},
-  };
-}
-
-std::vector<Option> image_options() {
-  using R = RenderOptions;
-  return {
-      {.name = "width",
-       .codec = integer(&R::width, 1, limits::kRenderSideMax),
-       .help = "width of an image in pixels",
-       .default_words = "512, in a sheet 160"},
-      {.name = "height",
-       .codec = integer(&R::height, 1, limits::kRenderSideMax),
-       .help = "height of an image in pixels",
-       .default_words = "512, in a sheet 160"},
-      {.name = "style",
-       .codec = word(&R::style, words::kStyle),
-       .help = "cubes with edges, smooth surface, shape alone, fixed light from above, or outlines",
-       .details = "`iso` looks from 45 and 35.26 degrees and lights tops by 1, sides by 0.78 and "
-                  "0.64 and bottoms by 0.5 of their colour, so that colours compare between "
-                  "images. `clay` leaves colours away."},
-      {.name = "projection",
-       .codec = word(&R::projection, words::kProjection),
-       .help = "projection of the camera",
-       .default_words = "perspective; orthographic in style iso and blueprint"},
-      {.name = "azimuth",
-       .form = "DEGREES",
-       .codec = number(&R::azimuth_deg, -3600, 3600),
-       .help = "camera's angle around +y; 0 looks from +z",
-       .default_words = "30; 45 in style iso"},
-      {.name = "elevation",
-       .form = "DEGREES",
-       .codec = number(&R::elevation_deg, -90, 90),
-       .help = "camera's angle above the horizon",
-       .default_words = "20; 35.26 in style iso"},
-      {.name = "zoom",
-       .form = "F",
-       .codec = number(&R::zoom, 0.01, 1000),
-       .help = "magnification: 1 fits the voxels into the image, more is closer"},
-      {.name = "matrix",
-       .form = "16 numbers",
-       .codec = numbers(&R::matrix),
-       .help =
-           "row-major clip_from_world matrix, instead of projection, azimuth, elevation and zoom"},
-      {.name = "background",
-       .form = "#RRGGBB[AA] | transparent",
-       .codec = background(),
-       .help = "sRGB colour behind the grid",
-       .default_words = "a light gradient; white in style smooth and in a GIF, grey in style iso, "
-                        "blue in style blueprint"},
-      {.name = "occlusion",
-       .codec = word(&R::occlusion, words::kYesNo),
-       .help = "ambient occlusion: corners are darker",
-       .default_words = "yes in style voxel, clay and iso"},
-      {.name = "shadow",
-       .codec = word(&R::shadow, words::kYesNo),
-       .help = "soft shadow of the key light",
-       .default_words = "yes in style voxel and clay"},
-      {.name = "ground",
-       .codec = word(&R::ground, words::kYesNo),
-       .help = "floor under the grid, which shows its shadow alone and fades out",
-       .default_words = "yes in style voxel and clay"},
-      {.name = "exposure",
-       .form = "F",
-       .codec = number(&R::exposure, 1, limits::kExposureMax),
-       .help = "factor by which dark colours are brighter; white stays white",
-       .default_words = "by the median of the colours; 1 in style iso"},
-      {.name = "samples",
-       .codec = samples(),
-       .help = "rays along each side of a pixel; 1 is quick",
-       .details = "`auto`: 2, and 1 above a million pixels."},
-      {.name = "renderer",
-       .codec = word(&R::renderer, words::kRenderer),
-       .help = "what draws the image; auto: the GPU, or the CPU if GL is a software driver"},
-      {.name = "section",
-       .form = "A,B,C,D",
-       .codec = section(),
-       .help = "plane that cuts away the cells where A x + B y + C z + D > 0"},
-  };
-}
-
-std::vector<Option> several_images_options() {
-  using R = RenderOptions;
-  return {
-      {.name = "image",
-       .codec = word(&R::image, words::kImage),
-       .help = "one image, or all frames or views as an animation or side by side",
-       .is_written = is_several_images},
-      {.name = "frame",
-       .form = "K",
-       .codec = integer(&R::frame, 0, limits::kFramesMax - 1),
-       .help = "image png: number of the frame among the requested ones, from 0",
-       .is_written = is_later_frame},
-      {.name = "turntable",
-       .codec = integer(&R::turntable, limits::kTurntableViewsMin, limits::kTurntableViewsMax),
-       .help = "image gif, apng and sheet: number of views around one grid"},
-      {.name = "rate",
-       .form = "F",
-       .codec = number(&R::rate, limits::kImageRateMin, limits::kImageRateMax),
-       .help = "image gif and apng: images per second",
-       .default_words = "the sequence's own times; 24 for a turntable"},
-      {.name = "columns",
-       .codec = integer(&R::columns, 1, limits::kFramesMax),
-       .help = "image sheet: images in a row",
-       .default_words = "as many as rows"},
   };
 }
 

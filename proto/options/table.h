@@ -52,6 +52,7 @@ struct NumberListValues {
 // Words with commas between them; in JSON also an array.
 struct WordListValues {
   std::vector<std::string_view> words;
+  std::string_view pattern = {};  // of words beside those: one of ECMA 262, unanchored
 };
 // A text of its own form.
 struct TextValues {

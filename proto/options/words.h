@@ -49,10 +49,22 @@ inline constexpr std::array<Word<PipelineChoice>, 4> kPipeline = {
      {"cpu", PipelineChoice::kCpu}}};
 inline constexpr std::array<Word<Codec>, 2> kCodec = {
     {{"fast", Codec::kFast}, {"small", Codec::kSmall}}};
+inline constexpr std::array<Word<ArrayLayout>, 3> kLayout = {{{"dense", ArrayLayout::kDense},
+                                                              {"sparse", ArrayLayout::kSparse},
+                                                              {"atlas", ArrayLayout::kAtlas}}};
 inline constexpr std::array<Word<AxisOrder>, 2> kAxes = {
     {{"zyx", AxisOrder::kZyx}, {"xyz", AxisOrder::kXyz}}};
 inline constexpr std::array<Word<DType>, 3> kDType = {
     {{"uint8", DType::kUint8}, {"bool", DType::kBool}, {"float32", DType::kFloat32}}};
+inline constexpr std::array<Word<MeshSurface>, 4> kMesh = {
+    {{"faces", MeshSurface::kFaces},
+     {"greedy", MeshSurface::kGreedy},
+     {"smooth", MeshSurface::kSmooth},
+     {"instances", MeshSurface::kInstances}}};
+inline constexpr std::array<Word<MeshCompression>, 2> kCompress = {
+    {{"none", MeshCompression::kNone}, {"meshopt", MeshCompression::kMeshopt}}};
+inline constexpr std::array<Word<Dither>, 3> kDither = {
+    {{"none", Dither::kNone}, {"bayer", Dither::kBayer}, {"error", Dither::kError}}};
 inline constexpr std::array<Word<Projection>, 2> kProjection = {
     {{"perspective", Projection::kPerspective}, {"orthographic", Projection::kOrthographic}}};
 inline constexpr std::array<Word<Style>, 5> kStyle = {{{"voxel", Style::kVoxel},
@@ -70,6 +82,8 @@ inline constexpr std::array<Word<ImageKind>, 4> kImage = {{{"png", ImageKind::kP
                                                            {"sheet", ImageKind::kSheet}}};
 inline constexpr std::array<Word<RootMotionChoice>, 2> kRootMotion = {
     {{"keep", RootMotionChoice::kKeep}, {"strip", RootMotionChoice::kStrip}}};
+inline constexpr std::array<Word<Neighbors>, 3> kNeighbors = {
+    {{"6", Neighbors::kFaces}, {"18", Neighbors::kEdges}, {"26", Neighbors::kCorners}}};
 inline constexpr std::array<Word<bool>, 2> kYesNo = {{{"yes", true}, {"no", false}}};
 
 }  // namespace voxeld::option_words

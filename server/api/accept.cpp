@@ -93,4 +93,15 @@ std::optional<size_t> preferred_type(std::string_view accept,
   return best;
 }
 
+bool accepts_gzip(std::string_view accept_encoding) {
+  double any = 0;
+  while (!accept_encoding.empty()) {
+    const auto range = parse_range(take_part(accept_encoding, ','));
+    if (!range) continue;
+    if (range->type == "gzip" || range->type == "x-gzip") return range->weight > 0;
+    if (range->type == "*") any = range->weight;
+  }
+  return any > 0;
+}
+
 }  // namespace voxeld::api

@@ -15,4 +15,8 @@ namespace voxeld::api {
 std::optional<size_t> preferred_type(std::string_view accept,
                                      std::span<const std::string_view> offered);
 
+// Whether the header Accept-Encoding takes gzip (RFC 9110, section 12.5.3). Without the header a
+// client gets plain bytes, which every client can read.
+bool accepts_gzip(std::string_view accept_encoding);
+
 }  // namespace voxeld::api

@@ -25,7 +25,8 @@ Response ready_response(JobService& jobs, const KeyRing& keys) {
                        {"sandbox", worker.sandbox},
                        {"memory_bytes", worker.memory_bytes},
                        {"task", worker.task},
-                       {"last_error", worker.last_error}});
+                       {"last_error", worker.last_error},
+                       {"device_failure", worker.device_failure}});
   }
   return Response::json(ready.ok() ? 200 : 503,
                         Json{{"ready", ready.ok()},

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -28,6 +29,7 @@ struct ApiServerConfig {
   int admin_connections_max = 64;
   std::vector<std::string> trusted_proxies;
   OriginRules origins;
+  std::filesystem::path web_dir;  // the page's files instead of those embedded; empty: those
 };
 
 class ApiServer {

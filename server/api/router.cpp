@@ -25,18 +25,24 @@ bool takes(const Route& route, std::string_view method) {
   return route.method == method || (route.method == "GET" && method == "HEAD");
 }
 
+constexpr std::string_view kRest = "{key}";  // a last segment that matches all others
+
 // Sets `parameters`, unless null, to the segments that match {…}.
 bool matches(const std::vector<std::string>& pattern, const std::vector<std::string>& path,
              std::vector<std::string>* parameters) {
-  if (pattern.size() != path.size()) return false;
+  const bool has_rest = !pattern.empty() && pattern.back() == kRest;
+  if (has_rest ? pattern.size() > path.size() : pattern.size() != path.size()) return false;
   if (parameters != nullptr) parameters->clear();
-  for (size_t i = 0; i < path.size(); ++i) {
+  for (size_t i = 0; i < pattern.size(); ++i) {
     if (pattern[i].starts_with('{')) {
       if (path[i].empty()) return false;
       if (parameters != nullptr) parameters->push_back(path[i]);
     } else if (pattern[i] != path[i]) {
       return false;
     }
+  }
+  if (has_rest && parameters != nullptr) {
+    for (size_t i = pattern.size(); i < path.size(); ++i) parameters->back() += "/" + path[i];
   }
   return true;
 }

@@ -44,7 +44,9 @@ using QueryNames = std::vector<std::string_view>;
 using RouteHandler = std::function<Reply(Request&)>;
 
 struct Route {
-  std::string method, path;  // path of openapi.yaml: "/v1/jobs/{id}"
+  // path of openapi.yaml: "/v1/jobs/{id}". A {key} at its end is the rest of the path, with its
+  // slashes.
+  std::string method, path;
   RouteHandler handler;
   QueryNames query = {};
   Work work = Work::kNone;
@@ -60,7 +62,8 @@ class Router {
   void add(Route route);
 
   // The route of a request, HEAD by GET; null if there is none. Segments are compared one by one,
-  // "{}" matches any one that is not empty; there are no regular expressions.
+  // "{}" matches any one that is not empty, "{key}" at the end any rest; there are no regular
+  // expressions.
   const Route* find(const Head& head) const;
   // Runs the handler of the request's route; sets `route`, `path_parameters` and `body_bytes_max`.
   // Responds to OPTIONS with Allow, and to unknown paths, methods and query parameters with 404,

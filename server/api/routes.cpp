@@ -15,16 +15,14 @@ QueryNames joined(std::initializer_list<QueryNames> parts) {
   return all;
 }
 
-// The options that requests of any of these kinds take. `filename` names the file of a mesh.
+// The options that requests of any of these kinds take. `filename` names the file of a mesh, or
+// the response's file where there is no mesh.
 QueryNames options_of(std::initializer_list<OptionScope> scopes) {
-  const bool takes_mesh = std::ranges::any_of(scopes, [](OptionScope scope) {
-    return scope == OptionScope::kVoxelize || scope == OptionScope::kRenderMesh;
-  });
   QueryNames names;
   for (const Option& option : option_table()) {
     const bool is_taken =
         std::ranges::any_of(scopes, [&](OptionScope scope) { return option.applies_to(scope); });
-    if (is_taken && (takes_mesh || option.name != "filename")) names.push_back(option.name);
+    if (is_taken) names.push_back(option.name);
   }
   return names;
 }
@@ -71,6 +69,8 @@ std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max) {
   // clang-format off
   return {
       {"GET", "/", on(get_index), none, kNone, no_body, kAnyone},
+      {"GET", "/admin", on(get_page), none, kNone, no_body, kAnyone},
+      {"GET", "/web/{name}", on(get_web_file), none, kNone, no_body, kAnyone},
       {"GET", "/openapi.json", on(get_openapi), none, kNone, no_body, kAnyone},
       {"POST", "/v1/voxelize", on(voxelize), of_voxelize, kNew, upload},
       {"POST", "/v1/render", on(render), of_render, kNew, upload},
@@ -90,6 +90,7 @@ std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max) {
       {"GET", "/v1/jobs/{id}/frames/{index}", on(get_frame_of_job), of_grid, kMayStart},
       {"GET", "/v1/jobs/{id}/frames/{index}/render.png", on(render_frame_of_job), one_view,
        kMayStart},
+      {"GET", "/v1/jobs/{id}/tiles", on(get_tiles_of_job), {"after"}},
       {"GET", "/v1/queue", on(get_queue), page},
       {"GET", "/v1/results", on(list_results), page},
       {"GET", "/v1/grids", on(list_grids), page},
@@ -97,6 +98,8 @@ std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max) {
       {"DELETE", "/v1/grids/{id}", on(delete_grid)},
       {"GET", "/v1/grids/{id}/tiles", on(get_tiles), page_of_tiles, kMayStart},
       {"GET", "/v1/grids/{id}/tiles/{index}", on(get_tile), selection, kMayStart},
+      {"GET", "/v1/grids/{id}/zarr/{key}", on(get_zarr), none, kMayStart},
+      {"GET", "/v1/grids/{id}/zarr2/{key}", on(get_zarr2), none, kMayStart},
       {"GET", "/v1/grids/{id}/render.png", on(render_grid_png), one_view, kMayStart},
       {"GET", "/v1/grids/{id}/render", on(render_grid), views_of_grid, kMayStart},
       {"POST", "/v1/grids/{id}/share", on(share_grid), share_grid_view, kNew},

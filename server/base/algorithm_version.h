@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 6;
+inline constexpr int kAlgorithmVersion = 7;
 }  // namespace voxeld

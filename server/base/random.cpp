@@ -2,6 +2,8 @@
 
 #include <sys/random.h>
 
+#include <array>
+#include <random>
 #include <vector>
 
 #include "proto/hex.h"
@@ -19,6 +21,22 @@ std::string random_hex(size_t digits) {
   std::vector<uint8_t> bytes(digits / 2);
   fill_random(bytes);
   return hex_text(bytes);
+}
+
+std::string id_hex(size_t digits) {
+  thread_local std::mt19937_64 numbers = [] {
+    std::array<uint8_t, 64> bytes{};
+    fill_random(bytes);
+    std::seed_seq seeds(bytes.begin(), bytes.end());
+    return std::mt19937_64(seeds);
+  }();
+  std::string text(digits, '0');
+  uint64_t number = 0;
+  for (size_t i = 0; i < digits; ++i) {
+    if (i % 16 == 0) number = numbers();
+    text[i] = "0123456789abcdef"[number >> (4 * (i % 16)) & 15];
+  }
+  return text;
 }
 
 }  // namespace voxeld

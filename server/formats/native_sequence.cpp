@@ -40,7 +40,7 @@ Error of_frame(size_t frame, Error error) {
 
 }  // namespace
 
-NativeSequence::NativeSequence(SequenceWriter writer, SequenceFile file, GridHeader header,
+NativeSequence::NativeSequence(SequenceWriter writer, OutputFile file, GridHeader header,
                                std::filesystem::path path)
     : writer_(std::move(writer)),
       file_(std::move(file)),
@@ -58,7 +58,7 @@ Result<std::unique_ptr<NativeSequence>> NativeSequence::create(const Grid& commo
   GridHeader header = container_header(common);
   header.codecs = StreamCodecs::all(codec);
   VOXELD_ASSIGN(SequenceWriter writer, SequenceWriter::open(header, fps));
-  VOXELD_ASSIGN(SequenceFile file, SequenceFile::create(path));
+  VOXELD_ASSIGN(OutputFile file, OutputFile::create(path));
   std::unique_ptr<NativeSequence> sequence(
       new NativeSequence(std::move(writer), std::move(file), std::move(header), path));
   VOXELD_TRY(sequence->file_.append(sequence->writer_.front()));

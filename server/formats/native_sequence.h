@@ -11,7 +11,7 @@
 #include "proto/container/grid_format.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
-#include "server/formats/sequence_file.h"
+#include "server/formats/output_file.h"
 #include "server/formats/sequence_writer.h"
 #include "server/grid/grid.h"
 
@@ -25,7 +25,7 @@ class NativeSequence {
   // ends the writing.
   using BeforeTiles = std::function<Status(size_t done, size_t total)>;
 
-  // `common`: placement, channels and meta of all frames. Errors: those of SequenceFile and
+  // `common`: placement, channels and meta of all frames. Errors: those of OutputFile and
   // SequenceWriter::open().
   static Result<std::unique_ptr<NativeSequence>> create(const Grid& common, double fps, Codec codec,
                                                         const std::filesystem::path& path);
@@ -45,14 +45,14 @@ class NativeSequence {
   Status finish();
 
  private:
-  NativeSequence(SequenceWriter writer, SequenceFile file, GridHeader header,
+  NativeSequence(SequenceWriter writer, OutputFile file, GridHeader header,
                  std::filesystem::path path);
   Status add_tiles_of(const std::filesystem::path& container, const BeforeTiles& before_tiles);
   Status add_batch(std::span<const uint8_t> bytes, const GridReader& reader, size_t begin,
                    size_t end);
 
   SequenceWriter writer_;
-  SequenceFile file_;
+  OutputFile file_;
   const GridHeader header_;  // of every frame; its meta is the sequence's
   const std::filesystem::path path_;
   size_t frames_ = 0;

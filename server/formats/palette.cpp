@@ -3,29 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/grid/oklab.h"
+
 namespace voxeld {
 namespace {
 
 constexpr int kRefinements = 8;
 
-using Lab = std::array<double, 3>;
-
 double linear_from_srgb(double s) {
   return s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4);
-}
-
-// OKLab of an sRGB colour. Coefficients: Ottosson, "A perceptual color space for image processing",
-// 2020.
-Lab oklab(uint32_t key) {
-  const double r = linear_from_srgb((key & 255) / 255.0);
-  const double g = linear_from_srgb((key >> 8 & 255) / 255.0);
-  const double b = linear_from_srgb((key >> 16 & 255) / 255.0);
-  const double l = std::cbrt(0.4122214708 * r + 0.5363325363 * g + 0.0514459929 * b);
-  const double m = std::cbrt(0.2119034982 * r + 0.6806995451 * g + 0.1073969566 * b);
-  const double s = std::cbrt(0.0883024619 * r + 0.2817188376 * g + 0.6299787005 * b);
-  return {0.2104542553 * l + 0.7936177850 * m - 0.0040720468 * s,
-          1.9779984951 * l - 2.4285922050 * m + 0.4505937099 * s,
-          0.0259040371 * l + 0.7827717662 * m - 0.8086757660 * s};
 }
 
 struct Sample {
@@ -132,16 +118,14 @@ Rgb mean_color(const std::array<double, 4>& linear_sum) {
 Palette make_palette(const ColorCounts& counts, int colors_max) {
   std::vector<Sample> samples;
   for (const auto& [key, count] : counts) {
-    samples.push_back({key, static_cast<double>(count), oklab(key)});
+    samples.push_back({key, static_cast<double>(count), oklab(rgb_of(key))});
   }
   std::ranges::sort(samples, {}, &Sample::key);
   Palette palette;
   if (samples.size() <= static_cast<size_t>(colors_max)) {
     for (const Sample& sample : samples) {
       palette.index_of[sample.key] = static_cast<uint8_t>(palette.colors.size());
-      palette.colors.push_back({static_cast<uint8_t>(sample.key),
-                                static_cast<uint8_t>(sample.key >> 8),
-                                static_cast<uint8_t>(sample.key >> 16)});
+      palette.colors.push_back(rgb_of(sample.key));
     }
     return palette;
   }

@@ -1,18 +1,15 @@
 // Reduces the colours of a grid to at most 255 palette entries, deterministically.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <unordered_map>
 #include <vector>
 
+#include "server/grid/rgb.h"
+
 namespace voxeld {
 
-using Rgb = std::array<uint8_t, 3>;
-
-// The number of voxels by colour; the key is R
-// G << 8
-// B << 16.
+// The number of voxels by the colour's key.
 using ColorCounts = std::unordered_map<uint32_t, uint64_t>;
 
 struct Palette {

@@ -1,5 +1,6 @@
 // Writes MagicaVoxel's .vox, version 150: chunks of id, content bytes, children bytes. A scene
-// graph places models of at most 256 cells a side. The file has one palette of 255 colours.
+// graph places models of at most 256 cells a side. The file has one palette of 255 colours: the
+// request's in its order, or one chosen from the grid's colours.
 //
 //   VOX 150 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA }
 //
@@ -11,6 +12,7 @@
 #include <string>
 
 #include "server/formats/formats.h"
+#include "server/formats/output_file.h"
 #include "server/formats/vox_parts.h"
 
 namespace voxeld {
@@ -40,9 +42,8 @@ void add_scene_graph(vox::Bytes& out, const vox::Models& models, const Grid& gri
 
 }  // namespace
 
-std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& options) {
-  if (options.format != Format::kVox) return {};
-  const std::array<int, 3> scene = vox::scene_size(spec);
+std::vector<Warning> vox::scene_warnings(const GridSpec& spec) {
+  const std::array<int, 3> scene = scene_size(spec);
   if (scene[0] <= kSceneSideMax && scene[1] <= kSceneSideMax && scene[2] <= kSceneHeightMax) {
     return {};
   }
@@ -51,14 +52,14 @@ std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& 
                                 " x " + std::to_string(spec.dims.z)}};
 }
 
-Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options) {
+Status encode_vox(const Grid& grid, const OutputOptions& options, OutputFile& file) {
   // Checked before memory is allocated.
   VOXELD_TRY(vox::check_length(sizeof(vox::Voxel) * grid.voxel_count()));
   const vox::Colors colors(grid);
   ColorCounts counts;
-  vox::count_colors(grid, colors, counts);
-  const Palette palette = vox::palette_of(std::move(counts), colors, options.palette_max);
-  vox::Models models = vox::models_of(grid, colors, palette);
+  if (options.palette.empty()) vox::count_colors(grid, colors, counts);
+  const Palette palette = vox::palette_of(std::move(counts), colors, options);
+  vox::Models models = vox::models_of(grid, vox::entries_of(grid, colors, palette, options.dither));
   if (models.empty()) models[{0, 0, 0}] = {};
   vox::Bytes children;
   for (const auto& [place, voxels] : models) {
@@ -71,7 +72,7 @@ Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& o
   vox::Bytes out;
   vox::add_file_header(out, kVoxVersion, static_cast<uint32_t>(children.size()));
   out.raw(children.bytes());
-  return std::move(out.bytes());
+  return file.append(out.bytes());
 }
 
 }  // namespace voxeld

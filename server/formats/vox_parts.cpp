@@ -55,16 +55,39 @@ void count_colors(const Grid& grid, const Colors& colors, ColorCounts& counts) {
   }
 }
 
-Palette palette_of(ColorCounts counts, const Colors& colors, int colors_max) {
+Palette palette_of(ColorCounts counts, const Colors& colors, const OutputOptions& options) {
+  if (!options.palette.empty()) return {options.palette, {}};
   if (counts.empty()) counts[colors.other()] = 1;
-  return make_palette(counts, colors_max);
+  return make_palette(counts, options.palette_max);
 }
 
 std::array<int, 3> scene_size(const GridSpec& spec) {
   return {spec.dims.x, spec.dims.z, spec.dims.y};
 }
 
-Models models_of(const Grid& grid, const Colors& colors, const Palette& palette) {
+VoxelEntries entries_of(const Grid& grid, const Colors& colors, const Palette& palette,
+                        Dither dither) {
+  if (dither != Dither::kNone || palette.index_of.empty()) {
+    return choose_entries(grid, palette.colors, dither, [&](const SparseTile& tile, size_t voxel) {
+      return colors.of(tile, voxel);
+    });
+  }
+  VoxelEntries entries;
+  entries.tiles.resize(grid.tiles.size());
+  for (size_t i = 0; i < grid.tiles.size(); ++i) {
+    cancel_point();
+    const SparseTile& tile = grid.tiles[i];
+    entries.tiles[i].resize(tile.attribute_count());
+    for (size_t voxel = 0; voxel < entries.tiles[i].size(); ++voxel) {
+      entries.tiles[i][voxel] = palette.index_of.at(colors.of(tile, voxel));
+    }
+  }
+  const auto other = palette.index_of.find(colors.other());
+  if (other != palette.index_of.end()) entries.other = other->second;
+  return entries;
+}
+
+Models models_of(const Grid& grid, const VoxelEntries& entries) {
   Models models;
   Place last_model = {-1, -1, -1};
   std::vector<Voxel>* last = nullptr;  // of last_model; a map's elements do not move
@@ -76,11 +99,10 @@ Models models_of(const Grid& grid, const Colors& colors, const Palette& palette)
                      static_cast<uint8_t>(p[1] % kModelSide),
                      static_cast<uint8_t>(p[2] % kModelSide), static_cast<uint8_t>(entry + 1)});
   };
-  for (const SparseTile& tile : grid.tiles) {
+  for (size_t i = 0; i < grid.tiles.size(); ++i) {
     cancel_point();
-    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
-      add(x, y, z, palette.index_of.at(colors.of(tile, voxel)));
-    });
+    for_each_voxel(grid.tiles[i],
+                   [&](int x, int y, int z, size_t voxel) { add(x, y, z, entries.of(i, voxel)); });
   }
   return models;
 }

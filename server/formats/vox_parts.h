@@ -10,9 +10,11 @@
 #include <string_view>
 #include <vector>
 
+#include "proto/messages/job.h"
 #include "proto/result.h"
 #include "server/formats/palette.h"
 #include "server/grid/grid.h"
+#include "server/grid/palette_entries.h"
 
 namespace voxeld::vox {
 
@@ -53,6 +55,9 @@ class Bytes {
   std::vector<uint8_t> bytes_;
 };
 
+// "outside-world" for more cells than MagicaVoxel's editor shows.
+std::vector<Warning> scene_warnings(const GridSpec& spec);
+
 using Dict = std::map<std::string, std::string>;
 
 struct Voxel {
@@ -79,12 +84,17 @@ class Colors {
 
 // Adds the colours of the grid's voxels to `counts`.
 void count_colors(const Grid& grid, const Colors& colors, ColorCounts& counts);
-Palette palette_of(ColorCounts counts, const Colors& colors, int colors_max);
+// The palette that the options name, in its order; else one of the counted colours.
+Palette palette_of(ColorCounts counts, const Colors& colors, const OutputOptions& options);
 
 // Size of the scene with z up.
 std::array<int, 3> scene_size(const GridSpec& spec);
+// The entry of each voxel: without dither that of its colour's cluster, or the nearest one of a
+// named palette.
+VoxelEntries entries_of(const Grid& grid, const Colors& colors, const Palette& palette,
+                        Dither dither);
 // The cells of each non-empty model.
-Models models_of(const Grid& grid, const Colors& colors, const Palette& palette);
+Models models_of(const Grid& grid, const VoxelEntries& entries);
 
 void add_file_header(Bytes& out, uint32_t version, uint32_t children_bytes);
 // Writes the chunks SIZE and XYZI.

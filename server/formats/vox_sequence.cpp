@@ -4,8 +4,9 @@
 //   VOX 200 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA  META }
 //
 // A shape has one model for each frame in which its cells change: {"_f": frame}. It is shown until
-// the next one. Equal models of any frames are written once. All frames share one palette, so they
-// are read twice. Voxels without colour or id get the mean colour of the first frame.
+// the next one. Equal models of any frames are written once. All frames share one palette; frames
+// are read twice where it is chosen from their colours. Voxels without colour or id get the mean
+// colour of the first frame.
 #include <map>
 #include <set>
 #include <string>
@@ -14,7 +15,7 @@
 
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
-#include "server/formats/sequence_file.h"
+#include "server/formats/output_file.h"
 #include "server/formats/vox_parts.h"
 
 namespace voxeld {
@@ -28,11 +29,14 @@ using Shape = std::vector<std::pair<size_t, uint32_t>>;
 
 class VoxSequence {
  public:
-  VoxSequence(const FrameSource& source, SequenceFile file)
-      : source_(source), file_(std::move(file)), scene_(vox::scene_size(source.common().spec)) {}
+  VoxSequence(const FrameSource& source, OutputFile file, const OutputOptions& options)
+      : source_(source),
+        file_(std::move(file)),
+        options_(options),
+        scene_(vox::scene_size(source.common().spec)) {}
 
-  Status write(int colors_max) {
-    VOXELD_TRY(choose_palette(colors_max));
+  Status write() {
+    VOXELD_TRY(choose_palette());
     vox::Bytes header;
     vox::add_file_header(header, kVoxAnimationVersion, 0);
     VOXELD_TRY(file_.append(header.bytes()));
@@ -44,23 +48,30 @@ class VoxSequence {
   }
 
  private:
-  // Chooses the palette from all frames.
-  Status choose_palette(int colors_max) {
+  // Chooses the palette from all frames, unless the request has one.
+  Status choose_palette() {
     VOXELD_ASSIGN(const Grid first, source_.frame(0));
     colors_.emplace(first);
     ColorCounts counts;
-    for (size_t i = 0; i < source_.frame_count(); ++i) {
+    const size_t counted = options_.palette.empty() ? source_.frame_count() : 0;
+    for (size_t i = 0; i < counted; ++i) {
       VOXELD_ASSIGN(const Grid frame, source_.frame(i));
-      VOXELD_TRY(vox::check_length(sizeof(vox::Voxel) * frame.voxel_count()));
+      VOXELD_TRY(check_length(frame));
       vox::count_colors(frame, *colors_, counts);
     }
-    palette_ = vox::palette_of(std::move(counts), *colors_, colors_max);
+    palette_ = vox::palette_of(std::move(counts), *colors_, options_);
     return {};
+  }
+
+  static Status check_length(const Grid& frame) {
+    return vox::check_length(sizeof(vox::Voxel) * frame.voxel_count());
   }
 
   Status add_frame(size_t index) {
     VOXELD_ASSIGN(const Grid frame, source_.frame(index));
-    vox::Models models = vox::models_of(frame, *colors_, palette_);
+    VOXELD_TRY(check_length(frame));
+    vox::Models models =
+        vox::models_of(frame, vox::entries_of(frame, *colors_, palette_, options_.dither));
     if (models.empty() && shapes_.empty()) models[{0, 0, 0}] = {};
     // A place that becomes empty shows a model without cells.
     for (const auto& [place, shape] : shapes_) models.try_emplace(place);
@@ -116,7 +127,8 @@ class VoxSequence {
   }
 
   const FrameSource& source_;
-  SequenceFile file_;
+  OutputFile file_;
+  const OutputOptions& options_;
   std::array<int, 3> scene_;
   std::optional<vox::Colors> colors_;
   Palette palette_;
@@ -128,8 +140,8 @@ class VoxSequence {
 
 Status write_vox_sequence(const FrameSource& source, const OutputOptions& options,
                           const std::filesystem::path& path) {
-  VOXELD_ASSIGN(SequenceFile file, SequenceFile::create(path));
-  return VoxSequence(source, std::move(file)).write(options.palette_max);
+  VOXELD_ASSIGN(OutputFile file, OutputFile::create(path));
+  return VoxSequence(source, std::move(file), options).write();
 }
 
 }  // namespace voxeld

@@ -1,14 +1,15 @@
 #include "server/gpu/context.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <thread>
 
 #include "server/base/check.h"
 #include "server/base/log.h"
+#include "server/device/workarounds.h"
 #include "server/gpu/egl.h"
 #include "server/gpu/osmesa.h"
-#include "server/gpu/workarounds.h"
 
 namespace voxeld::gpu {
 namespace {

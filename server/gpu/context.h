@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "proto/result.h"
-#include "server/gpu/device.h"
+#include "server/device/device.h"
 #include "server/gpu/gl_api.h"
 
 namespace voxeld::gpu {
@@ -21,9 +21,9 @@ class Context {
  public:
   // Creates a context and leaves it current on the calling thread. While a Mesa driver loads, the
   // environment is changed and then restored, so call this before other threads start. egl:N
-  // refuses a software renderer unless N names one. A second kind of Mesa EGL driver in one process
-  // is refused, because Mesa reads its choice of driver once. Errors: device-unavailable with what
-  // failed (library, device, version).
+  // refuses every software renderer. A second kind of Mesa EGL driver in one process is refused,
+  // because Mesa reads its choice of driver once. Errors: device-unavailable with what failed
+  // (library, device, version).
   static Result<std::unique_ptr<Context>> create(const DeviceId& device);
   virtual ~Context() = default;
   Context(const Context&) = delete;

@@ -6,11 +6,15 @@
 #include <EGL/eglext.h>
 #include <dlfcn.h>
 
+#include <algorithm>
+#include <cstdio>
 #include <mutex>
 #include <string_view>
+#include <utility>
 
+#include "server/device/missing_driver.h"
+#include "server/device/workarounds.h"
 #include "server/gpu/environment.h"
-#include "server/gpu/workarounds.h"
 
 namespace voxeld::gpu {
 namespace {
@@ -41,6 +45,35 @@ struct Egl {
 #ifndef EGL_RENDERER_EXT
 #define EGL_RENDERER_EXT 0x335F
 #endif
+#ifndef EGL_DRM_RENDER_NODE_FILE_EXT
+#define EGL_DRM_RENDER_NODE_FILE_EXT 0x3377
+#endif
+
+struct EglErrorName {
+  EGLint code;
+  std::string_view text;
+};
+constexpr EglErrorName kEglErrors[] = {
+    {EGL_SUCCESS, "no error reported"},
+    {EGL_NOT_INITIALIZED, "EGL_NOT_INITIALIZED: no driver opened the device"},
+    {EGL_BAD_ACCESS, "EGL_BAD_ACCESS: the device or context is in use elsewhere"},
+    {EGL_BAD_ALLOC, "EGL_BAD_ALLOC: the driver is out of memory or other resources"},
+    {EGL_BAD_ATTRIBUTE, "EGL_BAD_ATTRIBUTE: the driver does not know an attribute"},
+    {EGL_BAD_CONFIG, "EGL_BAD_CONFIG"},
+    {EGL_BAD_CONTEXT, "EGL_BAD_CONTEXT"},
+    {EGL_BAD_DISPLAY, "EGL_BAD_DISPLAY: there is no such display"},
+    {EGL_BAD_MATCH, "EGL_BAD_MATCH: the driver has no such version of OpenGL"},
+    {EGL_BAD_PARAMETER, "EGL_BAD_PARAMETER"},
+    {EGL_CONTEXT_LOST, "EGL_CONTEXT_LOST: the device was reset"}};
+
+std::string egl_error_text(EGLint code) {
+  char number[16];
+  std::snprintf(number, sizeof number, "0x%x", static_cast<unsigned>(code));
+  for (const EglErrorName& one : kEglErrors) {
+    if (one.code == code) return std::string(number) + " (" + std::string(one.text) + ")";
+  }
+  return number;
+}
 
 Error egl_unavailable(std::string what) {
   return Error{ErrorCode::kDeviceUnavailable, std::move(what), "", ""};
@@ -92,6 +125,18 @@ struct FoundDevice {
   EglDevice about;
 };
 
+// "/dev/dri/renderD128" or "/dev/dri/card0"; empty if EGL names neither.
+std::string drm_file(const Egl& egl, EGLDeviceEXT handle, std::string_view extensions) {
+  std::string_view file;
+  if (has_word(extensions, "EGL_EXT_device_drm_render_node")) {
+    file = or_empty(egl.QueryDeviceStringEXT(handle, EGL_DRM_RENDER_NODE_FILE_EXT));
+  }
+  if (file.empty() && has_word(extensions, "EGL_EXT_device_drm")) {
+    file = or_empty(egl.QueryDeviceStringEXT(handle, EGL_DRM_DEVICE_FILE_EXT));
+  }
+  return std::string(file);
+}
+
 EglDevice describe(const Egl& egl, EGLDeviceEXT handle) {
   EglDevice about;
   if (egl.QueryDeviceStringEXT == nullptr) return about;
@@ -100,9 +145,9 @@ EglDevice describe(const Egl& egl, EGLDeviceEXT handle) {
   if (has_word(extensions, "EGL_EXT_device_query_name")) {
     about.description = or_empty(egl.QueryDeviceStringEXT(handle, EGL_RENDERER_EXT));
   }
-  if (about.description.empty() && has_word(extensions, "EGL_EXT_device_drm")) {
-    about.description = or_empty(egl.QueryDeviceStringEXT(handle, EGL_DRM_DEVICE_FILE_EXT));
-  }
+  const std::string file = drm_file(egl, handle, extensions);
+  if (!file.empty()) about.address = pci_address_of(file);
+  if (about.description.empty()) about.description = file;
   if (about.description.empty()) {
     about.description = about.is_software ? "Mesa software device" : "unnamed device";
   }
@@ -117,6 +162,12 @@ std::vector<FoundDevice> find_devices(const Egl& egl) {
   if (!egl.QueryDevicesEXT(count, handles.data(), &count)) return found;
   handles.resize(static_cast<size_t>(count));
   for (EGLDeviceEXT handle : handles) found.push_back({handle, describe(egl, handle)});
+  std::stable_sort(found.begin(), found.end(), [](const FoundDevice& a, const FoundDevice& b) {
+    const EglDevice &x = a.about, &y = b.about;
+    if (x.is_software != y.is_software) return y.is_software;
+    if (x.address && y.address) return *x.address < *y.address;
+    return x.address.has_value() && !y.address;
+  });
   return found;
 }
 
@@ -198,6 +249,10 @@ class EglBackend final : public Context {
     return finish_setup(device, [this](const char* name) { return egl_.GetProcAddress(name); });
   }
 
+  void set_address(const std::optional<PciAddress>& address) {
+    if (address) info_.pci_address = pci_address_text(*address);
+  }
+
   Status make_current() const override {
     // libEGL returns at once if it believes that the context is already current. It does not notice
     // an OSMesa context that was bound in between. Unbinding first forces it to bind.
@@ -210,10 +265,8 @@ class EglBackend final : public Context {
 
  private:
   Error failed(const DeviceId& device, std::string_view platform, std::string_view call) const {
-    char code[16];
-    std::snprintf(code, sizeof code, "0x%x", egl_.GetError());
-    return egl_unavailable(device_name(device) + ": " + std::string(call) + " failed with " + code +
-                           " (" + std::string(platform) + ")");
+    return egl_unavailable(device_name(device) + ": " + std::string(call) + " failed on the " +
+                           std::string(platform) + " with " + egl_error_text(egl_.GetError()));
   }
 
   Status create_context(const DeviceId& device, std::string_view platform) {
@@ -265,21 +318,37 @@ struct Candidate {
   EGLenum platform = 0;
   void* native = nullptr;
   std::string_view name;
+  const EglDevice* about = nullptr;  // of an egl:N or pci:ADDRESS
 };
+
+Error no_such_device(const DeviceId& device, const std::vector<FoundDevice>& found) {
+  std::string names;
+  for (size_t i = 0; i < found.size(); ++i) {
+    names += (names.empty() ? "egl:" : ", egl:") + std::to_string(i);
+    if (const auto& address = found[i].about.address) {
+      names += " (pci:" + pci_address_text(*address) + ")";
+    }
+  }
+  return Error{ErrorCode::kDeviceUnavailable, device_name(device) + " does not exist",
+               found.empty() ? "a driver that enumerates EGL devices" : names,
+               std::to_string(found.size()) + " devices"};
+}
 
 Result<std::vector<Candidate>> candidates(const DeviceId& device,
                                           const std::vector<FoundDevice>& found) {
   std::vector<Candidate> all;
   constexpr Candidate kSurfaceless{EGL_PLATFORM_SURFACELESS_MESA, nullptr, "surfaceless platform"};
   if (device.kind == DeviceKind::kEgl) {
-    if (device.index < 0 || static_cast<size_t>(device.index) >= found.size()) {
-      return Error{ErrorCode::kDeviceUnavailable, device_name(device) + " does not exist",
-                   found.empty() ? "a driver that enumerates EGL devices"
-                                 : "egl:0 to egl:" + std::to_string(found.size() - 1),
-                   std::to_string(found.size()) + " devices"};
+    // A GPU that two vendors' libraries list has its address twice; one of them may open it.
+    for (size_t i = 0; i < found.size(); ++i) {
+      const bool is_asked = device.address ? found[i].about.address == device.address
+                                           : std::cmp_equal(device.index, i);
+      if (is_asked) {
+        all.push_back(
+            {EGL_PLATFORM_DEVICE_EXT, found[i].handle, "device platform", &found[i].about});
+      }
     }
-    all.push_back({EGL_PLATFORM_DEVICE_EXT, found[static_cast<size_t>(device.index)].handle,
-                   "device platform"});
+    if (all.empty()) return no_such_device(device, found);
     return all;
   }
   // Only the surfaceless platform selects Zink; the software device always loads llvmpipe.
@@ -294,19 +363,14 @@ Result<std::vector<Candidate>> candidates(const DeviceId& device,
 }
 
 // Checks that the loaded driver is the requested one.
-Status check_renderer(const DeviceId& device, const DeviceInfo& info,
-                      const std::vector<FoundDevice>& found) {
+Status check_renderer(const DeviceId& device, const DeviceInfo& info, const EglDevice* about) {
   const bool is_zink = info.renderer.find("zink") != std::string::npos;
   if (device.kind == DeviceKind::kEgl) {
-    const EglDevice& about = found[static_cast<size_t>(device.index)].about;
-    if (info.is_software && !about.is_software) {
-      return Error{ErrorCode::kDeviceUnavailable,
-                   device_name(device) + " (" + about.description +
-                       ") was opened by a software renderer; install its driver, or ask for "
-                       "llvmpipe by name",
-                   "a hardware renderer", info.renderer};
-    }
-    return {};
+    if (!info.is_software) return {};
+    return Error{ErrorCode::kDeviceUnavailable,
+                 device_name(device) + " (" + about->description + ") is no GPU: " +
+                     missing_driver() + "; software renderers are chosen by name, as llvmpipe",
+                 "a hardware renderer", info.renderer};
   }
   const bool is_wanted =
       info.is_software && (device.kind == DeviceKind::kLavapipe ? is_zink : !is_zink);
@@ -344,8 +408,11 @@ Result<std::unique_ptr<Context>> create_egl_context(const DeviceId& device) {
     Status status = context->open(
         device, egl.GetPlatformDisplayEXT(candidate.platform, candidate.native, nullptr),
         candidate.name);
-    if (status.ok()) status = check_renderer(device, context->info(), found);
-    if (status.ok()) return std::unique_ptr<Context>(std::move(context));
+    if (status.ok()) status = check_renderer(device, context->info(), candidate.about);
+    if (status.ok()) {
+      if (candidate.about != nullptr) context->set_address(candidate.about->address);
+      return std::unique_ptr<Context>(std::move(context));
+    }
     if (&candidate == tries.data()) first_error = std::move(status).error();
   }
   return first_error;

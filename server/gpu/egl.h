@@ -1,12 +1,14 @@
-// Contexts through EGL, which is loaded at run time. egl:N is the N-th device of EGL's enumeration;
-// llvmpipe and lavapipe (Zink) use Mesa's software device.
+// Contexts through EGL, which is loaded at run time. egl:N is the N-th of EGL's devices, in the
+// order of enumerate_egl_devices(); llvmpipe and lavapipe (Zink) use Mesa's software device.
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "proto/result.h"
+#include "server/device/pci_address.h"
 #include "server/gpu/context.h"
 
 namespace voxeld::gpu {
@@ -18,8 +20,10 @@ Result<std::unique_ptr<Context>> create_egl_context(const DeviceId& device);
 struct EglDevice {
   std::string description;  // renderer or device file, if EGL reports one
   bool is_software = false;
+  std::optional<PciAddress> address;  // as far as sysfs tells
 };
-// Lists EGL's devices. Errors: device-unavailable (no libEGL, no EGL_EXT_device_enumeration).
+// Lists EGL's devices: by their PCI address, then those without one, then software devices; else as
+// EGL enumerates them. Errors: device-unavailable (no libEGL, no EGL_EXT_device_enumeration).
 Result<std::vector<EglDevice>> enumerate_egl_devices();
 
 // Shared with the OSMesa backend.

@@ -2,7 +2,7 @@
 
 #include <string_view>
 
-#include "server/gpu/workarounds.h"
+#include "server/device/workarounds.h"
 
 namespace voxeld::gpu {
 

@@ -1,6 +1,7 @@
 #include "server/gpu/objects.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 #include "server/base/check.h"
@@ -109,11 +110,13 @@ Result<BufferMapping> Buffer::map(size_t offset_bytes, size_t bytes) {
   void* memory = context_->gl().MapNamedBufferRange(id_, static_cast<GLintptr>(offset_bytes),
                                                     static_cast<GLsizeiptr>(bytes),
                                                     GL_MAP_READ_BIT | GL_MAP_WRITE_BIT);
+  // The check may report an error of an earlier call though the buffer is mapped.
+  std::optional<BufferMapping> mapping;
+  if (memory != nullptr)
+    mapping.emplace(*context_, id_, std::span(static_cast<uint8_t*>(memory), bytes));
   VOXELD_TRY(context_->check("mapping a buffer"));
-  if (memory == nullptr) {
-    return Error{ErrorCode::kDeviceUnavailable, "the driver did not map a buffer", "", ""};
-  }
-  return BufferMapping(*context_, id_, {static_cast<uint8_t*>(memory), bytes});
+  if (mapping) return std::move(*mapping);
+  return Error{ErrorCode::kDeviceUnavailable, "the driver did not map a buffer", "", ""};
 }
 
 void Buffer::clear(size_t offset_bytes, size_t bytes, uint32_t value) {

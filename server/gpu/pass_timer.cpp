@@ -10,22 +10,22 @@ PassTimer::~PassTimer() {
   for (const Pending& one : pending_) context_->gl().DeleteQueries(1, &one.query);
 }
 
-void PassTimer::begin(std::string_view pass) {
+PassTimer::Pass PassTimer::measure(std::string_view pass) {
   VOXELD_CHECK(running_.empty(), "passes do not nest");
   running_ = pass;
   if (!context_->info().has_timer_queries) {
     context_->gl().Finish();
     wall_.lap();
-    return;
+    return Pass(*this);
   }
   uint32_t query = 0;
   context_->gl().CreateQueries(GL_TIME_ELAPSED, 1, &query);
   context_->gl().BeginQuery(GL_TIME_ELAPSED, query);
   pending_.push_back({running_, query});
+  return Pass(*this);
 }
 
 void PassTimer::end() {
-  VOXELD_CHECK(!running_.empty(), "end() without begin()");
   if (context_->info().has_timer_queries) {
     context_->gl().EndQuery(GL_TIME_ELAPSED);
   } else {

@@ -21,19 +21,33 @@ class PassTimer {
   PassTimer(const PassTimer&) = delete;
   PassTimer& operator=(const PassTimer&) = delete;
 
-  void begin(std::string_view pass);
-  void end();
+  // The pass ends with this object, also on an early return: a query that stays active would fail
+  // every later one of the context.
+  class Pass {
+   public:
+    Pass(const Pass&) = delete;
+    Pass& operator=(const Pass&) = delete;
+    ~Pass() { timer_->end(); }
+
+   private:
+    friend class PassTimer;
+    explicit Pass(PassTimer& timer) : timer_(&timer) {}
+    PassTimer* timer_;
+  };
+  [[nodiscard]] Pass measure(std::string_view pass);
   // Milliseconds per pass so far, in order of first use. Waits for the device.
   std::vector<std::pair<std::string, double>> results();
 
  private:
+  void end();
+
   struct Pending {
     std::string pass;
     uint32_t query;
   };
   const Context* context_;
   Stopwatch wall_;
-  std::string running_;           // name of the pass between begin() and end()
+  std::string running_;           // name of the pass that runs
   std::vector<Pending> pending_;  // ended, but result not read yet; timer queries only
   StageTimes times_;
 };

@@ -1,10 +1,11 @@
 // The child process of a probe: it opens one device and describes it.
 #include <cstdio>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "server/base/clock.h"
+#include "server/device/device.h"
 #include "server/gpu/context.h"
-#include "server/gpu/device.h"
 #include "server/gpu/egl.h"
 
 namespace voxeld::gpu {
@@ -18,6 +19,7 @@ json info_json(const DeviceInfo& info) {
           {"version", info.version},
           {"glsl_version", info.glsl_version},
           {"backend", info.backend},
+          {"pci_address", info.pci_address},
           {"is_robust", info.is_robust},
           {"is_software", info.is_software},
           {"has_int64", info.has_int64},
@@ -43,10 +45,16 @@ void print_line(const json& object) {
 
 }  // namespace
 
-int probe_device_main(const DeviceId& device) {
+int probe_device_main(const DeviceId& device, const std::function<Status()>& enter_sandbox) {
   const Stopwatch clock;
   if (device.kind == DeviceKind::kCpu) {
     print_line({{"device", "cpu"}, {"works", true}, {"info", info_json(cpu_device_info())}});
+    return 0;
+  }
+  if (const Status entered = enter_sandbox(); !entered) {
+    print_line({{"device", device_name(device)},
+                {"works", false},
+                {"reason", device_name(device) + ": " + entered.error().message()}});
     return 0;
   }
   const auto context = Context::create(device);

@@ -5,6 +5,8 @@
 
 #include "server/base/check.h"
 #include "server/base/file.h"
+#include "server/base/sha256.h"
+#include "shaders/embedded.h"
 
 namespace voxeld::gpu {
 namespace {
@@ -81,6 +83,16 @@ Result<std::string> ShaderLibrary::read_source(std::string_view name) const {
   VOXELD_ASSIGN(const std::vector<uint8_t> bytes,
                 read_file(std::filesystem::path(shader_dir_) / name));
   return std::string(bytes.begin(), bytes.end());
+}
+
+std::string ShaderLibrary::sources_hash() const {
+  Sha256 hash;
+  for (const shaders::EmbeddedShader& one : shaders::embedded_shaders()) {
+    const auto source = read_source(one.name);
+    const std::string text = source ? *source : source.error().message();
+    hash.update(std::string(one.name) + " " + std::to_string(text.size()) + "\n" + text);
+  }
+  return hash.finish_id();
 }
 
 Result<ShaderLibrary::Resolved> ShaderLibrary::resolve(std::string_view file,

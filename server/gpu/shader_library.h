@@ -58,6 +58,9 @@ class ShaderLibrary {
   // stay valid. Call between jobs. Errors: as get().
   Status reload();
 
+  // A hash of all sources, those of other programs included. "sha256-<64 hex>".
+  std::string sources_hash() const;
+
   // Source with #include expanded, as the compiler gets it. Public for tests.
   using Resolved = ResolvedShader;
   Result<Resolved> resolve(std::string_view file, const Defines& defines) const;

@@ -10,6 +10,10 @@
 #include "proto/limits.h"
 #include "server/base/check.h"
 #include "server/grid/level.h"
+#include "server/grid/morphology/component_tiles.h"
+#include "server/grid/morphology/remap_tiles.h"
+#include "server/grid/morphology/step_tiles.h"
+#include "server/grid/palette_tiles.h"
 #include "server/grid/tile_appender.h"
 
 namespace voxeld {
@@ -24,9 +28,9 @@ glm::ivec3 first_cell(const TileCoord& coord) {
 // A tile of the region while it is assembled: first the occupied cells, then their values.
 class Canvas {
  public:
-  // `low`, `high`: cells of the source that the tile covers.
-  Canvas(const glm::ivec3& low, const glm::ivec3& high)
-      : low_(low), high_(high), masks_(kTileBricks) {}
+  // `cells`: those of the source that the tile covers.
+  Canvas(const CellBox& cells, const MirrorAxes& mirror)
+      : cells_(cells), mirror_(mirror), masks_(kTileBricks) {}
 
   void mark(const SparseTile& tile) {
     for_each_inside(tile, [&](uint32_t code, size_t) {
@@ -49,7 +53,13 @@ class Canvas {
 
   void copy_values(const SparseTile& tile) {
     for_each_inside(tile, [&](uint32_t code, size_t index) {
-      if (index != kNoAttributes) values_[number_of(code)] = values_of(tile, index);
+      if (index == kNoAttributes) return;
+      VoxelValues values = values_of(tile, index);
+      for (size_t c = 0; c < mirror_.size(); ++c) {
+        // -128, which no unit normal is, has no opposite.
+        if (mirror_[c]) values.normal[c] = static_cast<int8_t>(-std::max(-127, +values.normal[c]));
+      }
+      values_[number_of(code)] = values;
     });
   }
 
@@ -74,11 +84,16 @@ class Canvas {
   void for_each_inside(const SparseTile& tile, Visit&& visit) const {
     for_each_voxel(tile, [&](int x, int y, int z, size_t index) {
       const glm::ivec3 cell(x, y, z);
-      if (glm::any(glm::lessThan(cell, low_)) || glm::any(glm::greaterThanEqual(cell, high_))) {
+      if (glm::any(glm::lessThan(cell, cells_.min)) ||
+          glm::any(glm::greaterThanEqual(cell, cells_.max))) {
         return;
       }
-      const glm::uvec3 at(cell - low_);
-      visit(morton_encode(at.x, at.y, at.z), index);
+      const auto at = [&](int c) {
+        const bool is_mirrored = mirror_[static_cast<size_t>(c)];
+        return static_cast<uint32_t>(is_mirrored ? cells_.max[c] - 1 - cell[c]
+                                                 : cell[c] - cells_.min[c]);
+      };
+      visit(morton_encode(at(0), at(1), at(2)), index);
     });
   }
 
@@ -93,7 +108,8 @@ class Canvas {
     return number + static_cast<size_t>(std::popcount(mask.words[word] & below));
   }
 
-  glm::ivec3 low_, high_;
+  CellBox cells_;
+  MirrorAxes mirror_;
   std::vector<BrickMask> masks_;
   std::vector<uint32_t> firsts_;  // voxels before each brick
   std::vector<VoxelValues> values_;
@@ -110,8 +126,8 @@ std::string corners(const std::array<int, 6>& region) {
 
 }  // namespace
 
-RegionTiles::RegionTiles(const TileSource& source, const CellBox& box)
-    : cached_(source), box_(box) {
+RegionTiles::RegionTiles(const TileSource& source, const CellBox& box, const MirrorAxes& mirror)
+    : cached_(source), box_(box), mirror_(mirror) {
   const Grid& grid = source.grid();
   VOXELD_CHECK(glm::all(glm::greaterThanEqual(box.min, glm::ivec3(0))) &&
                    glm::all(glm::lessThan(box.min, box.max)) &&
@@ -126,7 +142,9 @@ RegionTiles::RegionTiles(const TileSource& source, const CellBox& box)
     const glm::ivec3 low = glm::max(first_cell(coord), box.min) - box.min;
     const glm::ivec3 high = glm::min(first_cell(coord) + limits::kTileSide, box.max) - box.min;
     if (glm::any(glm::greaterThanEqual(low, high))) continue;
-    const glm::ivec3 first = low / limits::kTileSide, last = (high - 1) / limits::kTileSide;
+    const CellBox cells = reflected({low, high});
+    const glm::ivec3 first = cells.min / limits::kTileSide;
+    const glm::ivec3 last = (cells.max - 1) / limits::kTileSide;
     for (int z = first.z; z <= last.z; ++z) {
       for (int y = first.y; y <= last.y; ++y) {
         for (int x = first.x; x <= last.x; ++x) coords_.push_back({x, y, z});
@@ -137,32 +155,25 @@ RegionTiles::RegionTiles(const TileSource& source, const CellBox& box)
   coords_.erase(std::unique(coords_.begin(), coords_.end()), coords_.end());
 }
 
-Result<std::vector<SparseTile>> RegionTiles::sources_of(const TileCoord& coord) const {
-  const glm::ivec3 low = first_cell(coord) + box_.min;
-  const glm::ivec3 high = glm::min(low + limits::kTileSide, box_.max);
-  const glm::ivec3 first = low / limits::kTileSide, last = (high - 1) / limits::kTileSide;
-  const auto& all = cached_.coords();
-  const auto order = [](const TileCoord& c) { return coord_order(c); };
-  std::vector<SparseTile> tiles;
-  for (int z = first.z; z <= last.z; ++z) {
-    for (int y = first.y; y <= last.y; ++y) {
-      for (int x = first.x; x <= last.x; ++x) {
-        const TileCoord wanted = {x, y, z};
-        const auto at = std::ranges::lower_bound(all, coord_order(wanted), {}, order);
-        if (at == all.end() || *at != wanted) continue;
-        VOXELD_ASSIGN(SparseTile tile, cached_.tile(static_cast<size_t>(at - all.begin())));
-        tiles.push_back(std::move(tile));
-      }
-    }
+CellBox RegionTiles::reflected(const CellBox& cells) const {
+  const glm::ivec3 size = box_.max - box_.min;
+  CellBox out = cells;
+  for (int c = 0; c < 3; ++c) {
+    if (!mirror_[static_cast<size_t>(c)]) continue;
+    out.min[c] = size[c] - cells.max[c];
+    out.max[c] = size[c] - cells.min[c];
   }
-  return tiles;
+  return out;
 }
 
 Result<SparseTile> RegionTiles::tile(size_t index) const {
   const TileCoord& coord = coords_[index];
-  VOXELD_ASSIGN(const std::vector<SparseTile> sources, sources_of(coord));
-  const glm::ivec3 low = first_cell(coord) + box_.min;
-  Canvas canvas(low, glm::min(low + limits::kTileSide, box_.max));
+  const glm::ivec3 first = first_cell(coord);
+  const glm::ivec3 end = glm::min(first + limits::kTileSide, box_.max - box_.min);
+  CellBox cells = reflected({first, end});
+  cells = {cells.min + box_.min, cells.max + box_.min};
+  VOXELD_ASSIGN(const std::vector<SparseTile> sources, cached_.tiles_in(cells));
+  Canvas canvas(cells, mirror_);
   for (const SparseTile& source : sources) canvas.mark(source);
   if (grid_.channels.any()) {
     canvas.number_voxels();
@@ -171,8 +182,41 @@ Result<SparseTile> RegionTiles::tile(size_t index) const {
   return canvas.finish(coord, grid_.channels);
 }
 
+bool recolors(const OutputOptions& options) {
+  return !options.palette.empty() && options.format != Format::kVox;
+}
+
+bool changes_voxels(const OutputOptions& options) {
+  return options.keep > 0 || options.dilate > 0 || options.erode > 0 || options.hollow > 0;
+}
+
 bool selects(const OutputOptions& options) {
-  return options.level > 0 || options.region.has_value();
+  return options.level > 0 || options.region || options.crop || options.mirror != MirrorAxes{} ||
+         changes_voxels(options) || !options.remap.empty() || recolors(options);
+}
+
+Result<CellBox> occupied_selection(const TileSource& source, const OutputOptions& options) {
+  OutputOptions whole = options;
+  whole.mirror = {};
+  whole.palette.clear();
+  whole.remap.clear();
+  VOXELD_ASSIGN(const Selection selection, Selection::open(source, whole));
+  VOXELD_ASSIGN(CellBox box, occupied_box(selection.tiles()));
+  if (box.empty()) return box;
+  return CellBox{box.min + selection.box().min, box.max + selection.box().min};
+}
+
+OutputOptions crop_to(const OutputOptions& options, const GridSpec& spec, const CellBox& box) {
+  OutputOptions cropped = options;
+  cropped.crop = false;
+  if (box.empty()) return cropped;
+  std::array<int, 6>& region = cropped.region.emplace();
+  for (int c = 0; c < 3; ++c) {
+    const auto at = static_cast<size_t>(c);
+    region[at] = box.min[c] << options.level;
+    region[at + 3] = std::min(box.max[c] << options.level, spec.dims[c]);
+  }
+  return cropped;
 }
 
 Result<CellBox> region_at_level(const GridSpec& spec, const OutputOptions& options, int level) {
@@ -195,17 +239,15 @@ Result<CellBox> region_at_level(const GridSpec& spec, const OutputOptions& optio
   return box;
 }
 
-Result<Selection> Selection::open(const TileSource& source, const OutputOptions& options) {
-  Selection selection;
-  selection.last_ = &source;
-  VOXELD_ASSIGN(selection.box_, region_at_level(source.grid().spec, options, options.level));
-  const CellBox& box = selection.box_;
-  const auto push = [&](std::unique_ptr<TileSource> stage) {
-    selection.last_ = stage.get();
-    selection.stages_.push_back(std::move(stage));
-  };
-  if (options.region) {
-    // Only whole tiles under the region's cubes; other tiles are never read.
+void Selection::push(std::unique_ptr<TileSource> stage) {
+  last_ = stage.get();
+  stages_.push_back(std::move(stage));
+}
+
+// Only whole tiles under the box's cubes; other tiles are never read.
+void Selection::push_level(const TileSource& source, const OutputOptions& options) {
+  const CellBox box = box_;
+  if (box.min != glm::ivec3(0) || box.max != level_spec(source.grid().spec, options.level).dims) {
     push(std::make_unique<SomeTiles>(source, [&](const TileCoord& coord) {
       const int64_t scale = int64_t{1} << options.level;
       for (int c = 0; c < 3; ++c) {
@@ -218,9 +260,61 @@ Result<Selection> Selection::open(const TileSource& source, const OutputOptions&
     }));
   }
   if (options.level > 0) {
-    push(std::make_unique<LevelTiles>(selection.tiles(), options.level, options.level_rule));
+    push(std::make_unique<LevelTiles>(tiles(), options.level, options.level_rule));
   }
-  if (options.region) push(std::make_unique<RegionTiles>(selection.tiles(), box));
+}
+
+Status Selection::push_morphology(const OutputOptions& options) {
+  if (options.keep > 0) {
+    VOXELD_ASSIGN(auto kept, ComponentTiles::open(tiles(), options.keep, options.neighbors));
+    push(std::move(kept));
+  }
+  const auto push_steps = [&](StepKind kind, int steps) {
+    if (steps == 0) return;
+    push(std::make_unique<StepTiles>(tiles(), kind, steps, options.neighbors));
+  };
+  push_steps(StepKind::kDilate, options.dilate);
+  push_steps(StepKind::kErode, options.erode);
+  push_steps(StepKind::kHollow, options.hollow);
+  return {};
+}
+
+Result<Selection> Selection::open(const TileSource& source, const OutputOptions& options,
+                                  const CellBox& crop) {
+  Selection selection;
+  selection.last_ = &source;
+  VOXELD_ASSIGN(selection.box_, region_at_level(source.grid().spec, options, options.level));
+  const bool is_cropped = !crop.empty();
+  bool is_boxed = options.region.has_value();  // the last stage has more cells than the box
+  if (is_cropped && !changes_voxels(options)) {
+    selection.box_ = crop;
+    is_boxed = true;
+  }
+  selection.push_level(source, options);
+  if (changes_voxels(options)) {
+    if (is_boxed) {
+      selection.push(std::make_unique<RegionTiles>(selection.tiles(), selection.box_));
+    }
+    VOXELD_TRY(selection.push_morphology(options));
+    is_boxed = is_cropped;
+  }
+  if (is_boxed || options.mirror != MirrorAxes{}) {
+    CellBox box{glm::ivec3(0), selection.tiles().grid().spec.dims};
+    if (!changes_voxels(options)) {
+      box = selection.box_;
+    } else if (is_cropped) {
+      box = {crop.min - selection.box_.min, crop.max - selection.box_.min};
+      selection.box_ = crop;
+    }
+    selection.push(std::make_unique<RegionTiles>(selection.tiles(), box, options.mirror));
+  }
+  if (!options.remap.empty()) {
+    selection.push(std::make_unique<RemapTiles>(selection.tiles(), options.remap));
+  }
+  if (recolors(options)) {
+    selection.push(
+        std::make_unique<PaletteTiles>(selection.tiles(), options.palette, options.dither));
+  }
   return selection;
 }
 

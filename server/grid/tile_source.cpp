@@ -172,6 +172,25 @@ Result<SparseTile> CachedTiles::tile(size_t index) const {
   return tile;
 }
 
+Result<std::vector<SparseTile>> CachedTiles::tiles_in(const CellBox& cells) const {
+  const glm::ivec3 first = cells.min / limits::kTileSide;
+  const glm::ivec3 last = (cells.max - 1) / limits::kTileSide;
+  const auto order = [](const TileCoord& c) { return coord_order(c); };
+  std::vector<SparseTile> tiles;
+  for (int z = first.z; z <= last.z; ++z) {
+    for (int y = first.y; y <= last.y; ++y) {
+      for (int x = first.x; x <= last.x; ++x) {
+        const TileCoord wanted = {x, y, z};
+        const auto at = std::ranges::lower_bound(coords_, coord_order(wanted), {}, order);
+        if (at == coords_.end() || *at != wanted) continue;
+        VOXELD_ASSIGN(SparseTile found, tile(static_cast<size_t>(at - coords_.begin())));
+        if (!found.empty()) tiles.push_back(std::move(found));
+      }
+    }
+  }
+  return tiles;
+}
+
 Result<CellBox> occupied_box(const TileSource& source) {
   CellBox box;
   for (size_t axis = 0; axis < 3; ++axis) {

@@ -99,6 +99,12 @@ class SomeTiles final : public TileSource {
   std::vector<size_t> indexes_;
 };
 
+// Cells [min, max); empty: equal corners.
+struct CellBox {
+  glm::ivec3 min{0}, max{0};
+  bool empty() const { return min == max; }
+};
+
 // Caches the tiles that were used last, up to a number of bytes, for callers that read each tile
 // several times. The source must outlive it.
 class CachedTiles final : public TileSource {
@@ -106,6 +112,9 @@ class CachedTiles final : public TileSource {
   explicit CachedTiles(const TileSource& source, size_t bytes_max = size_t{128} << 20);
   Result<SparseTile> tile(size_t index) const override;
   size_t batch() const override { return source_.batch(); }
+  // The tiles with an occupied cell that share cells with the box, which is not empty; in order of
+  // their places. Errors: the source's.
+  Result<std::vector<SparseTile>> tiles_in(const CellBox& cells) const;
 
  private:
   struct Kept {
@@ -123,12 +132,8 @@ class CachedTiles final : public TileSource {
 // Bytes of a tile's arrays.
 size_t tile_bytes(const SparseTile& tile);
 
-// Cells [min, max) that contain all occupied ones; equal corners if there are none.
-struct CellBox {
-  glm::ivec3 min{0}, max{0};
-  bool empty() const { return min == max; }
-};
-// Finds the box from only the outermost tiles along each axis. Errors: the source's.
+// The least box that contains all occupied cells; empty if there are none. Found from only the
+// outermost tiles along each axis. Errors: the source's.
 Result<CellBox> occupied_box(const TileSource& source);
 
 }  // namespace voxeld

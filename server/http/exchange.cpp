@@ -1,14 +1,12 @@
 #include "server/http/exchange.h"
 
-#include <array>
-#include <cstdio>
 #include <exception>
-#include <random>
 #include <string_view>
 #include <utility>
 
 #include "proto/client_texts.h"
 #include "server/base/log.h"
+#include "server/base/random.h"
 #include "server/http/client_address.h"
 
 namespace voxeld::http {
@@ -18,10 +16,7 @@ namespace {
 constexpr size_t kDescribedBytesMax = 200;
 
 std::string new_request_id() {
-  thread_local std::mt19937_64 random{std::random_device{}()};
-  std::array<char, 20> text{};
-  std::snprintf(text.data(), text.size(), "r-%016llx", static_cast<unsigned long long>(random()));
-  return text.data();
+  return "r-" + id_hex(16);
 }
 
 bool is_plain_id(std::string_view id) {

@@ -37,6 +37,8 @@ Result<std::optional<Range>> parse_range(std::string_view text, int64_t size) {
   return std::optional(Range{*first, std::min(last.value_or(size - 1), size - 1)});
 }
 
+}  // namespace
+
 bool etag_matches(std::string_view list, std::string_view etag) {
   while (!list.empty()) {
     std::string_view one = list.substr(0, list.find(','));
@@ -48,8 +50,6 @@ bool etag_matches(std::string_view list, std::string_view etag) {
   }
   return false;
 }
-
-}  // namespace
 
 Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag) {
   Response response;

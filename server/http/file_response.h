@@ -12,4 +12,7 @@ namespace voxeld::http {
 // One range only; a list of ranges gets the whole file. `etag` with its quotes.
 Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag);
 
+// Whether a header If-None-Match names `etag`, by weak comparison.
+bool etag_matches(std::string_view list, std::string_view etag);
+
 }  // namespace voxeld::http

@@ -13,6 +13,7 @@
 
 #include "server/base/log.h"
 #include "server/base/thread_annotations.h"
+#include "server/http/active_threads.h"
 #include "server/http/client_table.h"
 #include "server/http/housekeeping.h"
 #include "server/http/listener.h"
@@ -35,9 +36,9 @@ constexpr double kUnheardSecondsMax = 1;
 using State = Client::State;
 using Step = Exchange::Step;
 
-// One housekeeping thread accepts connections, runs timers and closes late clients. The threads of
-// the pool all wait for the same events. The thread that gets an event reads from the client and
-// runs its request then and there, so that a request wakes one thread and is never handed over.
+// One housekeeping thread accepts connections, runs timers and closes late clients. The active
+// threads of the pool wait for the same events. The thread that gets an event reads from the client
+// and runs its request then and there, so that a request is never handed over.
 //
 // Each socket is armed for one event (EPOLLONESHOT). The thread that gets it takes the client
 // (`is_taken`, guarded by `mutex_`) until it arms the socket again. An event of a socket that was
@@ -53,7 +54,8 @@ class EpollServer final : public HttpServer {
         handler_(std::move(handler)),
         observer_(std::move(observer)),
         responses_(config.memory),
-        bodies_(config.memory) {
+        bodies_(config.memory),
+        active_(config.threads) {
     Housekeeping::Calls calls;
     calls.has_place = [this] {
       return connections_.load() < config_.connections_max || make_room();
@@ -65,7 +67,7 @@ class EpollServer final : public HttpServer {
     housekeeping_ = std::make_unique<Housekeeping>(std::move(listener), std::move(calls));
     try {
       pool_.reserve(static_cast<size_t>(config.threads));
-      for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this] { pool_loop(); });
+      for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this, i] { pool_loop(i); });
     } catch (...) {  // no memory, too many threads: those that run use this object
       shut_down();
       throw;
@@ -101,6 +103,7 @@ class EpollServer final : public HttpServer {
       }
     }
     poller_.end();
+    active_.end();
     housekeeping_->end();
     wait_while([this] { return !running().empty(); }, from_now(kCutSecondsMax));
     std::vector<RunningRequest> left = running();
@@ -351,14 +354,14 @@ class EpollServer final : public HttpServer {
 
   // --- the pool's threads
 
-  void pool_loop() {
-    while (Client* client = next()) serve(*client);
+  void pool_loop(int thread) {
+    while (Client* client = next(thread)) serve(*client);
   }
 
   // The client that this thread serves next. Null: the server has ended.
-  Client* next() EXCLUDES(mutex_) {
+  Client* next(int thread) EXCLUDES(mutex_) {
     while (true) {
-      const int event = poller_.wait();
+      const int event = active_.wait(thread, [this] { return poller_.wait(); });
       if (event == Poller::kEnded) return nullptr;
       Client* client = event == Poller::kReady ? take_ready() : take(event);
       if (client != nullptr) return client;
@@ -572,6 +575,7 @@ class EpollServer final : public HttpServer {
   const Observer observer_;
   MemoryBudget responses_, bodies_;  // before the clients, whose exchanges hold bytes of them
   const Poller poller_;              // of the pool
+  ActiveThreads active_;
   std::atomic<bool> stopping_{false};
   std::atomic<int64_t> connections_{0}, running_{0}, waiting_{0};
 

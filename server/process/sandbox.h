@@ -18,6 +18,9 @@ struct FileRule {
     kReadWrite,  // existing files
     kOutput,     // also create and remove plain files, and rename among them
     kDevice,     // read, write and ioctl
+    // Create, read, write and remove plain files, but not list them. Files of other processes can
+    // be opened by their names.
+    kSharedMemory,
   };
   std::filesystem::path path;
   Access access = Access::kRead;

@@ -36,10 +36,10 @@ constexpr const char* kAllowed[] = {
     // open files, and those that restrict_files() leaves
     "access", "close", "close_range", "copy_file_range", "creat", "dup", "dup2", "dup3",
     "faccessat", "faccessat2", "fadvise64", "fallocate", "fcntl", "fdatasync", "flock", "fstat",
-    "fstatfs", "fsync", "ftruncate", "getcwd", "getdents64", "ioctl", "lseek", "lstat", "mkdir",
-    "mkdirat", "newfstatat", "open", "openat", "pread64", "preadv", "pwrite64", "pwritev", "read",
-    "readahead", "readlink", "readlinkat", "readv", "rename", "renameat", "renameat2", "rmdir",
-    "sendfile", "stat", "statfs", "statx", "unlink", "unlinkat", "write", "writev",
+    "fstatfs", "fsync", "ftruncate", "getcwd", "getdents", "getdents64", "ioctl", "lseek", "lstat",
+    "mkdir", "mkdirat", "newfstatat", "open", "openat", "pread64", "preadv", "pwrite64", "pwritev",
+    "read", "readahead", "readlink", "readlinkat", "readv", "rename", "renameat", "renameat2",
+    "rmdir", "sendfile", "stat", "statfs", "statx", "unlink", "unlinkat", "write", "writev",
     // waiting, and sockets that are already connected
     "epoll_create1", "epoll_ctl", "epoll_pwait", "epoll_wait", "eventfd", "eventfd2", "getpeername",
     "getsockname", "getsockopt", "pipe", "pipe2", "poll", "ppoll", "pselect6", "recvfrom", "select",
@@ -161,6 +161,18 @@ constexpr const char* kKilling[] = {"acct",
                                     "userfaultfd",
                                     "vhangup"};
 
+#ifndef VOXELD_SANITIZED
+// Options of prctl() that read, that change names, timers and huge pages of this process, or that
+// restrict it. Others give ENOSYS, as unlisted calls do.
+constexpr int kAllowedPrctl[] = {
+    PR_CAPBSET_READ,   PR_GET_CHILD_SUBREAPER,  PR_GET_DUMPABLE,    PR_GET_KEEPCAPS,
+    PR_GET_NAME,       PR_GET_NO_NEW_PRIVS,     PR_GET_PDEATHSIG,   PR_GET_SECCOMP,
+    PR_GET_SECUREBITS, PR_GET_SPECULATION_CTRL, PR_GET_THP_DISABLE, PR_GET_TID_ADDRESS,
+    PR_GET_TIMERSLACK, PR_GET_TIMING,           PR_GET_TSC,         PR_MCE_KILL_GET,
+    PR_SET_NAME,       PR_SET_NO_NEW_PRIVS,     PR_SET_THP_DISABLE, PR_SET_TIMERSLACK,
+    0x53564d41 /* PR_SET_VMA: names of mappings */};
+#endif
+
 using Filter = std::unique_ptr<void, decltype(&seccomp_release)>;
 
 Error failed(const char* what, int code) {
@@ -208,9 +220,7 @@ Status add_conditional(const Filter& filter) {
     VOXELD_TRY(add(filter, SCMP_ACT_ALLOW, name, {is_int(0, self)}));
   }
   VOXELD_TRY(add(filter, SCMP_ACT_ALLOW, "prlimit64", {masked(2, ~uint64_t{0}, 0)}));  // reading
-  for (const int option :
-       {PR_SET_NAME, PR_GET_NAME, PR_GET_DUMPABLE, PR_GET_NO_NEW_PRIVS, PR_GET_SECCOMP,
-        PR_SET_TIMERSLACK, PR_GET_TIMERSLACK, 0x53564d41 /* PR_SET_VMA: names of mappings */}) {
+  for (const int option : kAllowedPrctl) {
     VOXELD_TRY(add(filter, SCMP_ACT_ALLOW, "prctl", {is_int(0, static_cast<uint64_t>(option))}));
   }
   return {};

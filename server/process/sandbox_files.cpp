@@ -61,6 +61,9 @@ uint64_t accesses_of(FileRule::Access access) {
       return kReadAccess | kWriteAccess | kOutputAccess;
     case FileRule::Access::kDevice:
       return kReadAccess | kWriteAccess | LANDLOCK_ACCESS_FS_IOCTL_DEV;
+    case FileRule::Access::kSharedMemory:
+      return LANDLOCK_ACCESS_FS_READ_FILE | kWriteAccess | LANDLOCK_ACCESS_FS_MAKE_REG |
+             LANDLOCK_ACCESS_FS_REMOVE_FILE;
   }
   return 0;
 }

@@ -1,5 +1,6 @@
 #include "server/render/packed_grid.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>

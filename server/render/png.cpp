@@ -13,7 +13,9 @@
 namespace voxeld {
 namespace {
 
-// Takes half the time of the default 6, for 3% more bytes on images of voxels.
+// Level 4 takes half the time of the default 6. Filters, from which libpng chooses one for each row
+// by default, take another half of it, and make pictures of voxels no smaller: 512 x 512 pixels of
+// the bunny at 256 are 115 KB in 17 ms with them, 108 KB in 9 ms without.
 constexpr int kCompressionLevel = 4;
 
 // An error of libpng jumps to the latest setjmp(). One stands around each call, so a jump skips
@@ -36,6 +38,7 @@ class PngWriter {
                    PNG_FILTER_TYPE_DEFAULT);
       png_set_sRGB_gAMA_and_cHRM(png_, info_, PNG_sRGB_INTENT_ABSOLUTE);
       png_set_compression_level(png_, kCompressionLevel);
+      png_set_filter(png_, PNG_FILTER_TYPE_BASE, PNG_FILTER_NONE);
       png_write_info(png_, info_);
     });
   }

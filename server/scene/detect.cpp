@@ -8,12 +8,14 @@
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/load.h"
 #include "server/scene/stl/stl.h"
+#include "server/scene/threemf/model.h"
 
 namespace voxeld {
 namespace {
 
 constexpr std::string_view kFormatsRead =
-    "obj, ply, stl, off, gltf, glb, md5mesh, or a zip of one of them with its files";
+    "obj, ply, stl, off, gltf, glb, md5mesh, 3mf, a zip of one of them with its files, or voxels: "
+    "voxg, vox, binvox, npy, nrrd";
 // Bytes to examine: enough to see "asset" in front of a glTF's buffers, and a statement after a
 // long comment.
 constexpr size_t kHeadBytes = size_t{64} * 1024;
@@ -31,6 +33,7 @@ std::optional<MeshFormat> proven_format(std::string_view text) {
   const std::string_view head = text.substr(0, kHeadBytes);
   const std::string_view json =
       trimmed(starts_with(head, "\xef\xbb\xbf"sv) ? head.substr(3) : head);
+  if (starts_with(json, "<"sv) && threemf::looks_like_model(json)) return MeshFormat::k3mf;
   if (starts_with(json, "{"sv) && json.find("\"asset\"") != json.npos) return MeshFormat::kGltf;
   return std::nullopt;
 }
@@ -42,7 +45,7 @@ std::optional<MeshFormat> format_of_extension(std::string_view filename) {
   constexpr std::pair<std::string_view, MeshFormat> kExtensions[] = {
       {"obj", MeshFormat::kObj},     {"ply", MeshFormat::kPly},   {"stl", MeshFormat::kStl},
       {"off", MeshFormat::kOff},     {"gltf", MeshFormat::kGltf}, {"glb", MeshFormat::kGlb},
-      {"md5mesh", MeshFormat::kMd5}, {"zip", MeshFormat::kZip}};
+      {"md5mesh", MeshFormat::kMd5}, {"3mf", MeshFormat::kZip},   {"zip", MeshFormat::kZip}};
   for (const auto& [name, format] : kExtensions) {
     if (equals_ignoring_case(base.substr(dot + 1), name)) return format;
   }
@@ -146,6 +149,8 @@ std::string_view mesh_format_name(MeshFormat format) {
       return "glb";
     case MeshFormat::kMd5:
       return "md5mesh";
+    case MeshFormat::k3mf:
+      return "3mf";
     case MeshFormat::kZip:
       return "zip";
   }

@@ -1,6 +1,7 @@
 // Loads a scene: detects the format, chooses the file of a zip, and calls the loader.
 #include "server/scene/load.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "server/scene/core/animated_scene.h"
@@ -13,8 +14,16 @@ namespace {
 
 constexpr size_t kListedNamesMax = 20;
 
+// Only glTF has variants of materials.
+Status check_variant(MeshFormat format, const LoadOptions& options) {
+  if (!options.variant || format == MeshFormat::kGltf || format == MeshFormat::kGlb) return {};
+  return Error{ErrorCode::kInvalidOption, "variant: the file has no variants of materials",
+               "gltf or glb", std::string(mesh_format_name(format))};
+}
+
 Result<Scene> load_format(MeshFormat format, std::string_view name, std::span<const uint8_t> bytes,
                           const Bundle& bundle, const LoadOptions& options) {
+  VOXELD_TRY(check_variant(format, options));
   switch (format) {
     case MeshFormat::kObj:
       return load_obj(name, bytes, bundle, options);
@@ -29,6 +38,8 @@ Result<Scene> load_format(MeshFormat format, std::string_view name, std::span<co
       return load_gltf(name, bytes, bundle, options);
     case MeshFormat::kMd5:
       return load_md5(name, bytes, bundle, options);
+    case MeshFormat::k3mf:
+      return load_3mf(name, bytes, bundle, options);
     case MeshFormat::kZip:
       break;
   }
@@ -72,8 +83,12 @@ std::vector<std::string> names_of(const Bundle& bundle, bool meshes_only) {
 Result<std::string> choose_mesh(std::string_view zip_name, std::string_view member,
                                 std::string_view kind, const Bundle& bundle) {
   const std::string in_it = " in the " + std::string(kind);
-  const std::vector<std::string> meshes = names_of(bundle, true);
   const std::vector<std::string> all = names_of(bundle, false);
+  std::optional<std::string> package_model;
+  if (member.empty()) {
+    VOXELD_ASSIGN(package_model, find_3mf_model(bundle));
+    if (package_model) member = *package_model;
+  }
   if (!member.empty()) {
     const auto found = resolve_reference(all, member, "");
     if (found) return all[*found];
@@ -81,6 +96,7 @@ Result<std::string> choose_mesh(std::string_view zip_name, std::string_view memb
                  std::string(zip_name) + ": no file " + shown(member) + in_it, "one of its files",
                  listed(all)};
   }
+  const std::vector<std::string> meshes = names_of(bundle, true);
   if (meshes.size() == 1) return meshes[0];
   if (meshes.empty()) {
     return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": no mesh" + in_it,
@@ -96,6 +112,7 @@ Result<std::string> choose_mesh(std::string_view zip_name, std::string_view memb
 Result<AnimatedScene> load_animated_format(MeshFormat format, std::string_view name,
                                            std::span<const uint8_t> bytes, const Bundle& bundle,
                                            const LoadOptions& options) {
+  VOXELD_TRY(check_variant(format, options));
   if (format == MeshFormat::kMd5) return load_animated_md5(name, bytes, bundle, options);
   if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) {
     return load_animated_gltf(name, bytes, bundle, options);

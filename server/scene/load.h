@@ -16,7 +16,7 @@
 
 namespace voxeld {
 
-enum class MeshFormat { kObj, kPly, kStl, kOff, kGltf, kGlb, kMd5, kZip };
+enum class MeshFormat { kObj, kPly, kStl, kOff, kGltf, kGlb, kMd5, k3mf, kZip };
 
 // Detects the format by the file name's extension, else by the first bytes. Errors:
 // unsupported-media-type, naming the formats that are read.

@@ -92,9 +92,10 @@ int64_t BlobChecks::damaged_count() const {
   return damaged_;
 }
 
-Result<bool> BlobChecks::is_intact(const std::string& id, const std::filesystem::path& path) {
+Result<BlobChecks::Found> BlobChecks::check(const std::string& id,
+                                            const std::filesystem::path& path) {
   VOXELD_ASSIGN(const FileStamp before, stamp_of(path));
-  if (const auto answer = known(id, before)) return *answer;
+  if (const auto answer = known(id, before)) return Found{before, *answer};
   {
     MutexLock lock(mutex_);
     while (reading_.contains(id)) changed_.wait(lock);
@@ -111,14 +112,15 @@ Result<bool> BlobChecks::is_intact(const std::string& id, const std::filesystem:
     }
   } const reading{*this, id};
   VOXELD_ASSIGN(const FileStamp stamp, stamp_of(path));
-  if (const auto answer = known(id, stamp)) return *answer;
+  if (const auto answer = known(id, stamp)) return Found{stamp, *answer};
   VOXELD_ASSIGN(const auto read, read_blob(id, path));
-  note(id, {read.first, read.second});
-  if (!read.second) {
+  const Found found{read.first, read.second};
+  note(id, found);
+  if (!found.is_intact) {
     log::error("a blob is damaged: its bytes are not those that it is named after",
-               {{"blob", id}, {"bytes", read.first.bytes}});
+               {{"blob", id}, {"bytes", found.stamp.bytes}});
   }
-  return read.second;
+  return found;
 }
 
 }  // namespace voxeld

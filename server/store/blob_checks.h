@@ -31,9 +31,13 @@ Result<FileStamp> stamp_of(const std::filesystem::path& path);
 // Thread-safe. Remembers results until the file's stamp changes, so a file is read once.
 class BlobChecks {
  public:
+  struct Found {
+    FileStamp stamp;
+    bool is_intact = false;
+  };
   // Whether the file's SHA-256 is its id. Blocks while another thread reads the same blob. Errors:
   // not-found; internal if it cannot be read.
-  Result<bool> is_intact(const std::string& id, const std::filesystem::path& path) EXCLUDES(mutex_);
+  Result<Found> check(const std::string& id, const std::filesystem::path& path) EXCLUDES(mutex_);
   // The remembered result, without reading.
   std::optional<bool> known(const std::string& id, const FileStamp& stamp) EXCLUDES(mutex_);
   // Records that these very bytes were just hashed.
@@ -42,10 +46,6 @@ class BlobChecks {
   int64_t damaged_count() const EXCLUDES(mutex_);
 
  private:
-  struct Found {
-    FileStamp stamp;
-    bool is_intact = false;
-  };
   void note(const std::string& id, const Found& found) EXCLUDES(mutex_);
   mutable Mutex mutex_;
   CondVar changed_;

@@ -74,10 +74,10 @@ fs::path trash_path(const fs::path& root, BlobState& state) {
   return root / kTrash / std::to_string(++state.trashed);
 }
 
-// Moves a synced file to its place. An existing file with the same bytes is replaced; its readers
-// keep reading the old one.
+// Moves a file to its place, synced if `durability` is kNow. An existing file with the same bytes
+// is replaced; its readers keep reading the old one.
 Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& file,
-                       const std::string& id, int64_t bytes) {
+                       const std::string& id, int64_t bytes, Durability durability) {
   const fs::path target = blob_path(root, id);
   BlobInfo info{id, bytes, BlobPins::pin(state.pins, id)};
   struct stat replaced {};
@@ -89,7 +89,11 @@ Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& f
     return errno_error("move into the store", file);
   }
   state.bytes += bytes - (is_new ? 0 : static_cast<int64_t>(replaced.st_size));
-  VOXELD_TRY(sync_path(target.parent_path()));
+  if (durability == Durability::kNow) {
+    VOXELD_TRY(sync_path(target.parent_path()));
+  } else {
+    state.unsynced.add(id);
+  }
   state.checks.note_intact(id, target);
   return info;
 }
@@ -97,9 +101,11 @@ Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& f
 // A file in tmp until it is finished.
 class FileSink final : public BlobSink {
  public:
-  FileSink(fs::path root, std::shared_ptr<BlobState> state, UniqueFd fd, fs::path temporary)
+  FileSink(fs::path root, std::shared_ptr<BlobState> state, Durability durability, UniqueFd fd,
+           fs::path temporary)
       : root_(std::move(root)),
         state_(std::move(state)),
+        durability_(durability),
         fd_(std::move(fd)),
         temporary_(std::move(temporary)) {}
   FileSink(const FileSink&) = delete;
@@ -114,9 +120,11 @@ class FileSink final : public BlobSink {
   }
 
   Result<BlobInfo> finish(std::string id, int64_t bytes) override {
-    if (::fsync(fd_.get()) != 0) return errno_error("sync", temporary_);
+    if (durability_ == Durability::kNow && ::fsync(fd_.get()) != 0) {
+      return errno_error("sync", temporary_);
+    }
     fd_.reset();
-    VOXELD_ASSIGN(BlobInfo info, place(root_, *state_, temporary_, id, bytes));
+    VOXELD_ASSIGN(BlobInfo info, place(root_, *state_, temporary_, id, bytes, durability_));
     temporary_.clear();
     return info;
   }
@@ -132,6 +140,7 @@ class FileSink final : public BlobSink {
 
   const fs::path root_;
   const std::shared_ptr<BlobState> state_;
+  const Durability durability_;
   UniqueFd fd_;
   fs::path temporary_;            // empty after finish()
   int64_t bytes_until_look_ = 0;  // until the next check of the disk
@@ -167,6 +176,29 @@ class FileReader final : public BlobReader {
 };
 
 }  // namespace
+
+void UnsyncedBlobs::add(std::string id) {
+  const MutexLock lock(mutex_);
+  ids_.insert(std::move(id));
+}
+
+Status UnsyncedBlobs::sync(const std::function<Status(const std::string& id)>& sync_one) {
+  const MutexLock syncing(syncing_);
+  std::set<std::string> ids;
+  {
+    const MutexLock lock(mutex_);
+    ids.swap(ids_);
+  }
+  while (!ids.empty()) {
+    if (Status synced = sync_one(*ids.begin()); !synced) {
+      const MutexLock lock(mutex_);
+      ids_.merge(ids);
+      return synced;
+    }
+    ids.erase(ids.begin());
+  }
+  return {};
+}
 
 std::shared_ptr<const void> BlobPins::pin(const std::shared_ptr<BlobPins>& pins, std::string id) {
   {
@@ -219,14 +251,25 @@ Result<BlobStore> BlobStore::open(const fs::path& root, int64_t disk_reserve_byt
   return BlobStore(root, disk_reserve_bytes);
 }
 
-Result<BlobWriter> BlobStore::begin(int64_t bytes_max) {
+Result<BlobWriter> BlobStore::begin(int64_t bytes_max, Durability durability) {
   VOXELD_ASSIGN(auto temporary, make_temporary(root_));
-  return BlobWriter(std::make_unique<FileSink>(root_, state_, std::move(temporary.first),
-                                               std::move(temporary.second)),
-                    bytes_max);
+  return BlobWriter(
+      std::make_unique<FileSink>(root_, state_, durability, std::move(temporary.first),
+                                 std::move(temporary.second)),
+      bytes_max);
 }
 
-Result<BlobInfo> BlobStore::adopt(const fs::path& file) {
+Status BlobStore::sync() {
+  return state_->unsynced.sync([this](const std::string& id) -> Status {
+    const fs::path path = blob_path(root_, id);
+    UniqueFd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!fd.valid()) return errno == ENOENT ? Status() : errno_error("open", path);  // removed
+    if (::fsync(fd.get()) != 0) return errno_error("sync", path);
+    return sync_path(path.parent_path());
+  });
+}
+
+Result<BlobInfo> BlobStore::adopt(const fs::path& file, Durability durability) {
   // O_NOFOLLOW: a worker must not make the store adopt another user's file through a link.
   UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (!fd.valid()) return errno_error("open", file);
@@ -237,8 +280,8 @@ Result<BlobInfo> BlobStore::adopt(const fs::path& file) {
   }
   VOXELD_TRY(state_->disk.for_data());
   VOXELD_ASSIGN(auto hashed, hash_file(fd.get(), file));
-  if (::fsync(fd.get()) != 0) return errno_error("sync", file);
-  return place(root_, *state_, file, hashed.first, hashed.second);
+  if (durability == Durability::kNow && ::fsync(fd.get()) != 0) return errno_error("sync", file);
+  return place(root_, *state_, file, hashed.first, hashed.second, durability);
 }
 
 Result<BlobInfo> BlobStore::stat(std::string_view id) const {
@@ -253,9 +296,11 @@ Result<BlobInfo> BlobStore::stat(std::string_view id) const {
 }
 
 Result<BlobInfo> BlobStore::verified(std::string_view id) const {
-  VOXELD_ASSIGN(BlobInfo info, stat(id));
-  VOXELD_ASSIGN(const bool is_intact, state_->checks.is_intact(info.id, blob_path(root_, id)));
-  if (is_intact) return info;
+  if (!is_sha256_id(id)) return not_found(id);
+  BlobInfo info{std::string(id), 0};
+  VOXELD_ASSIGN(const auto found, state_->checks.check(info.id, blob_path(root_, id)));
+  info.bytes = found.stamp.bytes;
+  if (found.is_intact) return info;
   return Error{ErrorCode::kGone, "the stored bytes of " + info.id + " were damaged on disk", "",
                ""};
 }

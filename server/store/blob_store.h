@@ -22,6 +22,21 @@
 
 namespace voxeld {
 
+// Blobs whose files are not synced yet. Thread-safe.
+class UnsyncedBlobs {
+ public:
+  void add(std::string id) EXCLUDES(mutex_);
+  // Calls sync_one(id) for each, and forgets it if that succeeds; stops at the first error. Blobs
+  // that are added meanwhile wait for the next call; a second caller waits for the first one.
+  Status sync(const std::function<Status(const std::string& id)>& sync_one)
+      EXCLUDES(mutex_, syncing_);
+
+ private:
+  Mutex syncing_;  // taken before the other one
+  Mutex mutex_;
+  std::set<std::string> ids_ GUARDED_BY(mutex_);
+};
+
 // Pins blobs that are stored but not yet named by the database. Thread-safe.
 class BlobPins {
  public:
@@ -47,6 +62,7 @@ struct BlobState {
       : disk(root, disk_reserve_bytes) {}
   std::shared_ptr<BlobPins> pins = std::make_shared<BlobPins>();
   BlobChecks checks;
+  UnsyncedBlobs unsynced;
   std::atomic<int64_t> trashed{0};  // the next file name in the trash
   std::atomic<int64_t> bytes{0};    // over all blobs: see BlobStore::recount()
   DiskRoom disk;
@@ -60,8 +76,11 @@ class BlobStore final : public ObjectStore {
   static Result<BlobStore> open(const std::filesystem::path& root, int64_t disk_reserve_bytes = 0);
 
   // The replaced file of equal bytes goes to the trash.
-  Result<BlobWriter> begin(int64_t bytes_max) override;
-  Result<BlobInfo> adopt(const std::filesystem::path& file) override;
+  using ObjectStore::adopt;
+  using ObjectStore::begin;
+  Result<BlobWriter> begin(int64_t bytes_max, Durability durability) override;
+  Result<BlobInfo> adopt(const std::filesystem::path& file, Durability durability) override;
+  Status sync() override;
   Result<BlobInfo> stat(std::string_view id) const override;
   // Compares the bytes once per process, and again whenever the file was touched.
   Result<BlobInfo> verified(std::string_view id) const override;

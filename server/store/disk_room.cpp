@@ -13,6 +13,14 @@
 
 namespace voxeld {
 
+namespace {
+
+// Sizes of the ballast that are free before it is allocated: with one less, the next write would
+// free it at once.
+constexpr int64_t kFreeBallasts = 2;
+
+}  // namespace
+
 Result<int64_t> DiskRoom::free_bytes() const {
   struct statvfs info {};
   if (::statvfs(data_dir_.c_str(), &info) != 0) {
@@ -47,22 +55,28 @@ Status DiskRoom::check(int64_t bytes_min, const char* refused) const {
                "at least " + std::to_string(bytes_min) + " bytes free", std::to_string(free)};
 }
 
-Status DiskRoom::for_data() const {
-  VOXELD_ASSIGN(const int64_t reserve, reserve_bytes());
-  return check(reserve, "uploads and results are");
-}
-
-Status DiskRoom::for_jobs() const {
-  VOXELD_ASSIGN(const int64_t reserve, reserve_bytes());
-  int64_t bytes_min = reserve / 2;
+Status DiskRoom::check_with_ballast(int64_t bytes_min, const char* refused) {
+  bool is_freed = false;
   {
     const MutexLock lock(mutex_);
-    if (was_freed_) {
-      VOXELD_ASSIGN(const int64_t ballast, ballast_bytes());
-      bytes_min = std::max(bytes_min, 2 * ballast);
-    }
+    is_freed = was_freed_;
   }
-  return check(bytes_min, "jobs are");
+  if (!is_freed) return check(bytes_min, refused);
+  keep_ballast();
+  const MutexLock lock(mutex_);
+  if (!was_freed_) return check(bytes_min, refused);
+  VOXELD_ASSIGN(const int64_t ballast, ballast_bytes());
+  return check(std::max(bytes_min, kFreeBallasts * ballast), refused);
+}
+
+Status DiskRoom::for_data() {
+  VOXELD_ASSIGN(const int64_t reserve, reserve_bytes());
+  return check_with_ballast(reserve, "uploads and results are");
+}
+
+Status DiskRoom::for_jobs() {
+  VOXELD_ASSIGN(const int64_t reserve, reserve_bytes());
+  return check_with_ballast(reserve / 2, "jobs are");
 }
 
 bool DiskRoom::is_nearly_full() const {
@@ -91,7 +105,7 @@ void DiskRoom::keep_ballast() {
     return;
   }
   was_freed_ = true;
-  if (*free < 3 * *ballast) return;  // these bytes stay free for deletes instead
+  if (*free < kFreeBallasts * *ballast) return;  // these bytes stay free for deletes instead
   const UniqueFd fd(::open(ballast_path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (fd.valid() && ::posix_fallocate(fd.get(), 0, *ballast) == 0) {
     was_freed_ = false;

@@ -5,6 +5,9 @@
 //   half of it or more    storage-full               yes        yes
 //   less                  storage-full               refused    yes
 //   less than the ballast storage-full               refused    the ballast is freed for them
+//
+// Once the ballast is freed, data and jobs are refused until there is room to allocate it again:
+// what they took instead could be all that deletes had.
 #pragma once
 
 #include <cstdint>
@@ -34,9 +37,9 @@ class DiskRoom {
   Result<int64_t> reserve_bytes() const;
 
   // Whether data of clients and workers may be stored. Errors: storage-full.
-  Status for_data() const;
+  Status for_data() EXCLUDES(mutex_);
   // Whether a job may be accepted, which costs some rows. Errors: storage-full.
-  Status for_jobs() const EXCLUDES(mutex_);
+  Status for_jobs() EXCLUDES(mutex_);
   // Whether so little is left that workers must stop writing.
   bool is_nearly_full() const;
 
@@ -48,12 +51,14 @@ class DiskRoom {
 
  private:
   Result<int64_t> ballast_bytes() const;
+  // A freed ballast is allocated first, and where it cannot be, its room is part of `bytes_min`.
+  Status check_with_ballast(int64_t bytes_min, const char* refused) EXCLUDES(mutex_);
   Status check(int64_t bytes_min, const char* refused) const;
   std::filesystem::path ballast_path() const { return data_dir_ / "ballast"; }
 
   const std::filesystem::path data_dir_;
   const int64_t reserve_bytes_max_;
-  mutable Mutex mutex_;
+  Mutex mutex_;
   bool was_freed_ GUARDED_BY(mutex_) = false;  // and could not be allocated again yet
 };
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "proto/result.h"
+#include "server/base/durability.h"
 #include "server/base/sha256.h"
 
 namespace voxeld {
@@ -34,7 +35,7 @@ class BlobSink {
   virtual ~BlobSink() = default;
   // Errors: storage-full, internal.
   virtual Status write(std::span<const uint8_t> bytes) = 0;
-  // On return the blob survives power loss and is pinned.
+  // On return the blob is pinned, and as durable as begin() was told.
   virtual Result<BlobInfo> finish(std::string id, int64_t bytes) = 0;
 };
 
@@ -48,8 +49,8 @@ class BlobWriter {
   // touched), internal.
   Status append(std::span<const uint8_t> bytes);
   int64_t bytes() const { return bytes_; }
-  // On return the blob survives power loss. If the same bytes were there already, the same work is
-  // done, so its time does not reveal that.
+  // The blob is as durable as ObjectStore::begin() was told. If the same bytes were there already,
+  // the same work is done, so its time does not reveal that.
   Result<BlobInfo> finish();
 
  private:
@@ -74,10 +75,17 @@ class ObjectStore {
  public:
   virtual ~ObjectStore() = default;
 
-  virtual Result<BlobWriter> begin(int64_t bytes_max) = 0;
+  // A blob that is stored kSoon and lost with the power is not there, or damaged: verified() tells.
+  virtual Result<BlobWriter> begin(int64_t bytes_max, Durability durability) = 0;
+  Result<BlobWriter> begin(int64_t bytes_max) { return begin(bytes_max, Durability::kNow); }
   // Hashes a finished file of this machine (a worker's output) and moves it into the store. Errors:
   // storage-full, also if less than the disk's reserve is free; internal if it is not a plain file.
-  virtual Result<BlobInfo> adopt(const std::filesystem::path& file) = 0;
+  virtual Result<BlobInfo> adopt(const std::filesystem::path& file, Durability durability) = 0;
+  Result<BlobInfo> adopt(const std::filesystem::path& file) {
+    return adopt(file, Durability::kNow);
+  }
+  // Makes all blobs durable that are stored by now.
+  virtual Status sync() = 0;
   // Errors: not-found, also for text that is not an id.
   virtual Result<BlobInfo> stat(std::string_view id) const = 0;
   // Like stat(), for a blob that is about to be read: its bytes have been compared with its name.

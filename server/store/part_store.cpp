@@ -4,13 +4,13 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cstdio>
 #include <map>
 #include <optional>
 #include <system_error>
 #include <utility>
 
+#include "proto/number_text.h"
 #include "server/base/directory.h"
 #include "server/base/file.h"
 #include "server/base/log.h"
@@ -28,28 +28,38 @@ bool is_plain_name(std::string_view name) {
 }
 
 struct Part {
-  int64_t position = 0;
+  int64_t position = 0, tiles = 0;
   std::string hash;
+  fs::path path;
 };
 
-// Parses a name such as "12.sha256-…".
-std::optional<Part> parse_name(std::string_view name) {
-  Part part;
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), part.position);
-  const auto digits = static_cast<size_t>(end - name.data());
-  if (error != std::errc() || part.position < 0 || digits == name.size() || name[digits] != '.') {
-    return std::nullopt;
-  }
-  part.hash = name.substr(digits + 1);
-  return part;
+// Takes a number and the dot behind it from the front of `name`; nullopt for another text.
+std::optional<int64_t> take_number(std::string_view& name) {
+  const size_t dot = name.find('.');
+  if (dot == std::string_view::npos) return std::nullopt;
+  const auto number = parse_digits<int64_t>(name.substr(0, dot));
+  name.remove_prefix(dot + 1);
+  return number;
 }
 
-std::map<int64_t, fs::path> parts_in(const fs::path& folder) {
-  std::map<int64_t, fs::path> parts;
+// Parses a name such as "12.64.sha256-…".
+std::optional<Part> parse_name(const fs::path& folder, const std::string& name) {
+  std::string_view rest = name;
+  const auto position = take_number(rest);
+  const auto tiles = position ? take_number(rest) : std::nullopt;
+  if (!tiles) return std::nullopt;
+  return Part{*position, *tiles, std::string(rest), folder / name};
+}
+
+std::map<int64_t, Part> parts_in(const fs::path& folder) {
+  std::map<int64_t, Part> parts;
   const auto names = directory_names(folder);
   if (!names) return parts;
   for (const std::string& name : *names) {
-    if (const auto part = parse_name(name)) parts[part->position] = folder / name;
+    auto part = parse_name(folder, name);
+    if (!part) continue;
+    const int64_t position = part->position;
+    parts[position] = *std::move(part);
   }
   return parts;
 }
@@ -68,7 +78,8 @@ Result<PartStore> PartStore::open(const fs::path& root) {
   return PartStore(root / "parts");
 }
 
-Status PartStore::add(std::string_view job, int64_t position, const fs::path& file) const {
+Status PartStore::add(std::string_view job, int64_t position, int64_t tiles,
+                      const fs::path& file) const {
   if (!is_plain_name(job)) {
     return Error{ErrorCode::kInternal, "parts of a job", "its id", std::string(job.substr(0, 80))};
   }
@@ -81,9 +92,11 @@ Status PartStore::add(std::string_view job, int64_t position, const fs::path& fi
   const auto parts = parts_in(folder);
   for (auto it = parts.rbegin(); it != parts.rend() && it->first >= position; ++it) {
     std::error_code failed;
-    if (!fs::remove(it->second, failed) && failed) return errno_error("remove", it->second);
+    const fs::path& old = it->second.path;
+    if (!fs::remove(old, failed) && failed) return errno_error("remove", old);
   }
-  const fs::path target = folder / (std::to_string(position) + "." + hash);
+  const fs::path target =
+      folder / (std::to_string(position) + "." + std::to_string(tiles) + "." + hash);
   if (std::rename(file.c_str(), target.c_str()) != 0) return errno_error("move", file);
   return sync_path(folder);
 }
@@ -91,16 +104,27 @@ Status PartStore::add(std::string_view job, int64_t position, const fs::path& fi
 std::vector<fs::path> PartStore::of_job(std::string_view job) const {
   std::vector<fs::path> paths;
   if (!is_plain_name(job)) return paths;
-  for (const auto& [position, path] : parts_in(folder_ / job)) {
+  for (const auto& [position, part] : parts_in(folder_ / job)) {
     if (position != static_cast<int64_t>(paths.size())) break;
-    const auto hash = sha256_file_id(path);
-    if (!hash || *hash != parse_name(path.filename().native())->hash) {
+    const auto hash = sha256_file_id(part.path);
+    if (!hash || *hash != part.hash) {
       log::warn("a part has other bytes than were stored", {{"job", job}, {"position", position}});
       break;
     }
-    paths.push_back(path);
+    paths.push_back(part.path);
   }
   return paths;
+}
+
+std::optional<TilePart> PartStore::with_tile(std::string_view job, int64_t tile) const {
+  if (!is_plain_name(job)) return std::nullopt;
+  int64_t next = 0, before = 0;
+  for (const auto& [position, part] : parts_in(folder_ / job)) {
+    if (position != next++) break;
+    if (tile - before < part.tiles) return TilePart{part.path, before};
+    before += part.tiles;
+  }
+  return std::nullopt;
 }
 
 void PartStore::remove(std::string_view job) const {

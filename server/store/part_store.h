@@ -1,11 +1,12 @@
-// Finished tiles of running jobs: DIR/parts/JOB/POSITION.sha256-…, native containers from workers
-// (TaskPart). They belong to their job until it ends, and no client can request them. A void part
-// is detected when it is read, so no database lists them.
+// Finished tiles of running jobs: DIR/parts/JOB/POSITION.TILES.sha256-…, native containers of TILES
+// tiles from workers (TaskPart). They belong to their job until it ends. A void part is detected
+// when it is read, so no database lists them.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,7 +15,13 @@
 
 namespace voxeld {
 
-// Thread-safe as long as one thread at a time works on a job: the one whose worker has it.
+// A part of a job.
+struct TilePart {
+  std::filesystem::path path;
+  int64_t first_tile = 0;  // number of tiles in the parts before it
+};
+
+// Thread-safe as long as one thread at a time changes a job's parts: the one whose worker has it.
 class PartStore {
  public:
   // Makes the directory.
@@ -22,9 +29,13 @@ class PartStore {
 
   // Hashes, syncs and moves a worker's file to its place. Parts at and after the position are
   // removed. Errors: internal if it is not a plain file, storage-full.
-  Status add(std::string_view job, int64_t position, const std::filesystem::path& file) const;
+  Status add(std::string_view job, int64_t position, int64_t tiles,
+             const std::filesystem::path& file) const;
   // The job's parts from the first one on, up to a missing or damaged one.
   std::vector<std::filesystem::path> of_job(std::string_view job) const;
+  // The part with tile `tile` of the job, counted over all parts; nullopt while there is none. The
+  // file may be removed at any time. Its bytes are not compared with their hash.
+  std::optional<TilePart> with_tile(std::string_view job, int64_t tile) const;
   // Removes the job's parts. It costs next to nothing if there are none.
   void remove(std::string_view job) const;
   // Removes, at start, parts of jobs that are no longer `wanted`.

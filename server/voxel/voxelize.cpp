@@ -10,6 +10,8 @@
 #include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/estimates/estimate.h"
 #include "server/voxel/frames/frame_vertices.h"
+#include "server/voxel/pipelines/device_faults.h"
+#include "server/voxel/pipelines/fallback.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
 
@@ -61,24 +63,40 @@ Result<std::vector<IdChannel>> id_channels(const Scene& scene, const VoxelizeOpt
 // Receives tiles as the pipeline makes them. `done`: the number of bins that are finished.
 using TakeTiles = std::function<Status(std::vector<SparseTile>, size_t done)>;
 
-// Runs the bins from `done` on and hands tiles over as they come. finisher: completes a device's
-// tiles on the CPU; null if there is nothing to complete.
+// The state of a surface that is made bin by bin.
+struct SurfaceRun {
+  size_t done;                       // bins whose tiles were handed over
+  bool has_pipeline_failed = false;  // rather than whoever takes the tiles
+};
+
+// Runs the bins from `run.done` on and hands tiles over as they come. finisher: completes a
+// device's tiles on the CPU; null if there is nothing to complete.
 Status run_tiles(TilePipeline& pipeline, CpuPipeline* finisher, const VoxelizePlan& plan,
-                 std::span<const TileBin> bins, size_t done, const Steps& steps,
+                 std::span<const TileBin> bins, SurfaceRun& run, const Steps& steps,
                  VoxelizeStats& stats, const TakeTiles& take) {
-  VOXELD_TRY(pipeline.begin_job(plan, stats));
+  const auto of_pipeline = [&](Status status) {
+    run.has_pipeline_failed = !status.ok();
+    return status;
+  };
+  VOXELD_TRY(of_pipeline(pipeline.begin_job(plan, stats)));
   if (finisher != nullptr) VOXELD_TRY(finisher->begin_job(plan, stats));
-  stats.tiles += static_cast<int64_t>(done);
-  for (;;) {
-    VOXELD_TRY(steps.surface_done(done));
-    if (done == bins.size()) return {};
-    const size_t count = std::min(pipeline.batch_tiles(), bins.size() - done);
+  VOXELD_TRY(steps.surface_done(run.done));
+  while (run.done < bins.size()) {
+    const size_t count = std::min(pipeline.batch_tiles(), bins.size() - run.done);
+    const std::span<const TileBin> batch = bins.subspan(run.done, count);
     std::vector<SparseTile> tiles;
-    VOXELD_TRY(pipeline.run_tiles(bins.subspan(done, count), tiles));
-    if (finisher != nullptr) finisher->finish_tiles(bins.subspan(done, count), tiles);
-    done += count;
-    VOXELD_TRY(take(std::move(tiles), done));
+    const int64_t tiles_before = stats.tiles;
+    const auto pause = [&] { return steps.surface_done(run.done); };
+    const Status ran = of_pipeline(pipeline.run_tiles(batch, pause, tiles));
+    if (!ran) stats.tiles = tiles_before;
+    VOXELD_TRY(ran);
+    if (finisher != nullptr) finisher->finish_tiles(batch, tiles);
+    run.done += count;
+    // Before the tiles are taken: a job that is preempted there says how far it got.
+    VOXELD_TRY(steps.surface_done(run.done));
+    VOXELD_TRY(take(std::move(tiles), run.done));
   }
+  return {};
 }
 
 // True if the whole surface is needed at once: for fills, and for the signs of distances.
@@ -99,8 +117,10 @@ struct Voxelizer::Impl {
   DeviceInside* device_inside;  // null: the device cannot find insides
   DeviceSkin* device_skin;      // null: the device cannot move vertices
   CpuPipeline cpu;
+  InsideFinder inside_finder{cpu.team()};
   int64_t host_bytes_max = default_host_bytes_max();
   CalibrationLookup calibration;
+  DeviceFaults faults;
 
   DeviceTraits traits() const { return device ? device->traits() : DeviceTraits(); }
   // Null if the pipeline needs a device and there is none.
@@ -108,6 +128,7 @@ struct Voxelizer::Impl {
   PipelineDecision decide(PipelineChoice asked, const Workload& work,
                           const WantedChannels& channels) const;
   Status check_asked(PipelineChoice asked) const;
+  Status check_faults(PipelineChoice asked, const WantedChannels& channels) const;
   Status plan_job(const Scene& scene, const VoxelizeOptions& options, SharedFrames* frames,
                   bool keeps_tiles, const TileProgress& progress, VoxelizePlan& plan,
                   VoxelizeStats& stats) const;
@@ -119,19 +140,30 @@ struct Voxelizer::Impl {
   Result<Pipeline> choose(const VoxelizePlan& plan, std::span<const TileBin> bins,
                           SharedFrames* frames, VoxelizeStats& stats) const;
   // Makes the plan's tiles and hands them to the sink.
-  Status run_plan(const VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
+  Status run_plan(VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
                   const TileProgress& progress, VoxelizeStats& stats);
-  // Runs one job of the pipeline, from bin `first` on. `take` gets the tiles as they come.
-  Status run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
+  // Makes the surface from bin `first` on. `take` gets the tiles as they come. Where the device
+  // fails and may_fall_back(), the CPU makes the rest.
+  Status run_surface(TilePipeline& pipeline, VoxelizePlan& plan, SharedFrames* frames,
                      std::span<const TileBin> bins, size_t first, const Steps& steps,
                      VoxelizeStats& stats, const TakeTiles& take);
-  Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
-                   TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
+  // Runs one job of the pipeline.
+  Status run_job(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<const TileBin> bins,
+                 SurfaceRun& run, const Steps& steps, VoxelizeStats& stats, const TakeTiles& take);
+  // Makes the vertices of a frame that are on the device alone.
+  Status take_vertices_from_device(SharedFrames& frames, VoxelizePlan& plan) const;
+  Status run_solid(TilePipeline& pipeline, VoxelizePlan& plan, SharedFrames* frames,
+                   const TileBins& bins, TileSink& sink, const TileProgress& progress,
+                   VoxelizeStats& stats);
   // The device that fills inside a surface from pipeline `which`; null: the CPU fills. `auto` on a
   // software driver fills on the CPU, because the driver would run shaders on the same cores.
+  // Crossings need 64-bit integers in shaders.
   DeviceInside* inside_of(Pipeline which, PipelineChoice asked) const {
-    const bool is_slow = asked == PipelineChoice::kAuto && traits().is_software;
-    return which == Pipeline::kCpu || is_slow ? nullptr : device_inside;
+    const DeviceTraits of_device = traits();
+    const bool is_slow = asked == PipelineChoice::kAuto && of_device.is_software;
+    const bool fills = which != Pipeline::kCpu && !is_slow && of_device.has_int64 &&
+                       !faults.has(DevicePart::kSolid);
+    return fills ? device_inside : nullptr;
   }
   // An upper estimate of the job's host memory.
   int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
@@ -155,7 +187,8 @@ int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
 PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& work,
                                          const WantedChannels& channels) const {
   const DeviceTraits of_device = traits();
-  return decide_pipeline(asked, {device ? &of_device : nullptr, calibration}, work, channels.any());
+  return decide_pipeline(asked, {device ? &of_device : nullptr, calibration, &faults}, work,
+                         channels.any());
 }
 
 // Refuses, before any work, a pipeline that this device does not have.
@@ -166,6 +199,18 @@ Status Voxelizer::Impl::check_asked(PipelineChoice asked) const {
                "pipeline " + std::string(pipeline_name(*named)) +
                    " needs a GL context, and this device has none",
                "pipeline=cpu or auto", std::string(pipeline_name(*named))};
+}
+
+// Refuses a pipeline that would make other bytes.
+Status Voxelizer::Impl::check_faults(PipelineChoice asked, const WantedChannels& channels) const {
+  const auto named = asked_pipeline(asked);
+  if (!named || *named == Pipeline::kCpu) return {};
+  const DevicePart part = surface_part(*named, channels.any());
+  if (!faults.has(part)) return {};
+  const std::string name(pipeline_name(*named));
+  return Error{ErrorCode::kUnsupportedFeature,
+               "pipeline " + name + " failed the device's self-test (" + faults.why(part) + ")",
+               "pipeline=cpu or auto", name};
 }
 
 // Places the grid: by the mesh, or where all frames lie.
@@ -184,6 +229,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   VOXELD_ASSIGN(const Placed placed, place(scene, options, frames));
   plan.spec = placed.spec;
   plan.world_from_file = placed.world_from_file;
+  plan.calibration = calibration.found ? &calibration.calibration : nullptr;
   add_stage(stats.passes, "place", watch.lap());
   VOXELD_TRY(check_host_bytes(placed.spec, mesh_bytes(scene), host_bytes_max));
   if (plan.channels.volume) VOXELD_TRY(check_coverage_dims(placed.spec.dims));
@@ -223,8 +269,14 @@ Status Voxelizer::Impl::snap_mesh(SharedFrames* frames, int64_t bytes_max, bool 
   if (frames != nullptr) {
     plan.mesh = frames->take_mesh();
     const bool bins_tiles = plan.spec.tile_dims() != glm::ivec3(1);
-    VOXELD_ASSIGN(plan.has_device_vertices,
-                  skin_frame(device_skin, *frames, wants_vertices || bins_tiles, plan, stats));
+    const auto skinned =
+        skin_frame(device_skin, *frames, wants_vertices || bins_tiles, plan, stats);
+    if (!skinned) {
+      if (!may_fall_back(plan.options, skinned.error())) return skinned.error();
+      record_fallback(skinned.error(), stats);
+      frames->set_device_moves(false);
+    }
+    plan.has_device_vertices = skinned.ok() && *skinned;
     if (!plan.has_device_vertices) VOXELD_TRY(frames->move_vertices());
   }
   if (!plan.has_device_vertices) {
@@ -250,36 +302,65 @@ Result<Pipeline> Voxelizer::Impl::choose(const VoxelizePlan& plan, std::span<con
   stats.pipeline_reason = choice.decision.reason;
   if (frames == nullptr || plan.has_device_vertices) return pipeline;
   frames->set_choice(std::move(choice));
-  VOXELD_ASSIGN(const bool moves, may_skin_frames(device_skin, *frames, plan, pipeline));
-  frames->set_device_moves(moves);
-  return pipeline;
+  const auto moves = may_skin_frames(device_skin, *frames, plan, pipeline);
+  if (!moves) {
+    if (!may_fall_back(plan.options, moves.error())) return moves.error();
+    record_fallback(moves.error(), stats);
+  }
+  frames->set_device_moves(moves.ok() && *moves);
+  return stats.pipeline;
 }
 
-Status Voxelizer::Impl::run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
-                                    std::span<const TileBin> bins, size_t first, const Steps& steps,
-                                    VoxelizeStats& stats, const TakeTiles& take) {
+Status Voxelizer::Impl::run_surface(TilePipeline& pipeline, VoxelizePlan& plan,
+                                    SharedFrames* frames, std::span<const TileBin> bins,
+                                    size_t first, const Steps& steps, VoxelizeStats& stats,
+                                    const TakeTiles& take) {
+  SurfaceRun run{.done = first};
+  stats.tiles += static_cast<int64_t>(first);
+  Status made = run_job(pipeline, plan, bins, run, steps, stats, take);
+  if (made || &pipeline == &cpu || !run.has_pipeline_failed ||
+      !may_fall_back(plan.options, made.error())) {
+    return made;
+  }
+  record_fallback(made.error(), stats);
+  if (plan.has_device_vertices) VOXELD_TRY(take_vertices_from_device(*frames, plan));
+  return run_job(cpu, plan, bins, run, steps, stats, take);
+}
+
+Status Voxelizer::Impl::run_job(TilePipeline& pipeline, const VoxelizePlan& plan,
+                                std::span<const TileBin> bins, SurfaceRun& run, const Steps& steps,
+                                VoxelizeStats& stats, const TakeTiles& take) {
   CpuPipeline* finisher = &pipeline != &cpu && plan.finishes_on_cpu() ? &cpu : nullptr;
-  Status done = run_tiles(pipeline, finisher, plan, bins, first, steps, stats, take);
+  Status done = run_tiles(pipeline, finisher, plan, bins, run, steps, stats, take);
   pipeline.end_job();
   if (finisher != nullptr) finisher->end_job();
   return done;
 }
 
+Status Voxelizer::Impl::take_vertices_from_device(SharedFrames& frames, VoxelizePlan& plan) const {
+  frames.set_device_moves(false);
+  VOXELD_TRY(frames.move_vertices());
+  plan.has_device_vertices = false;
+  VOXELD_ASSIGN(plan.mesh, snap_scene(plan.scene, plan.world_from_file, plan.spec, host_bytes_max,
+                                      std::move(plan.mesh)));
+  return {};
+}
+
 // Makes all of the surface's tiles, then fills the inside.
-Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const VoxelizePlan& plan,
-                                  const TileBins& bins, TileSink& sink,
+Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, VoxelizePlan& plan,
+                                  SharedFrames* frames, const TileBins& bins, TileSink& sink,
                                   const TileProgress& progress, VoxelizeStats& stats) {
   const std::vector<TileBin> no_bins;
   const std::vector<TileBin>& surface = plan.options.rule == Rule::kNone ? no_bins : bins.bins();
   const Steps steps(progress, surface.size(), tile_column_count(plan.spec.dims));
   std::vector<SparseTile> tiles;
-  VOXELD_TRY(run_surface(surface_pipeline, plan, surface, 0, steps, stats,
+  VOXELD_TRY(run_surface(surface_pipeline, plan, frames, surface, 0, steps, stats,
                          [&](std::vector<SparseTile> made, size_t) -> Status {
                            std::ranges::move(made, std::back_inserter(tiles));
                            return {};
                          }));
   DeviceInside* inside = inside_of(stats.pipeline, plan.options.pipeline);
-  VOXELD_TRY(SolidFiller(cpu.team(), host_bytes_max, inside)
+  VOXELD_TRY(SolidFiller(inside_finder, host_bytes_max, inside)
                  .fill(
                      plan,
                      [&]() -> Result<std::vector<SparseTile>> {
@@ -289,7 +370,7 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
   return sink.add(std::move(tiles));
 }
 
-Status Voxelizer::Impl::run_plan(const VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
+Status Voxelizer::Impl::run_plan(VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
                                  const TileProgress& progress, VoxelizeStats& stats) {
   Grid grid;
   grid.spec = plan.spec;
@@ -301,12 +382,12 @@ Status Voxelizer::Impl::run_plan(const VoxelizePlan& plan, SharedFrames* frames,
   VOXELD_TRY(between_steps(progress));
   VOXELD_ASSIGN(const Pipeline chosen, choose(plan, bins.bins(), frames, stats));
   if (needs_all_tiles(plan.options, plan.channels)) {
-    return run_solid(*pipeline(chosen), plan, bins, sink, progress, stats);
+    return run_solid(*pipeline(chosen), plan, frames, bins, sink, progress, stats);
   }
   const size_t steps = bins.bins().size();
   VOXELD_ASSIGN(const size_t first, sink.resume(steps));
-  return run_surface(*pipeline(chosen), plan, bins.bins(), first, Steps(progress, steps, 0), stats,
-                     [&](std::vector<SparseTile> tiles, size_t done) -> Status {
+  return run_surface(*pipeline(chosen), plan, frames, bins.bins(), first, Steps(progress, steps, 0),
+                     stats, [&](std::vector<SparseTile> tiles, size_t done) -> Status {
                        for (SparseTile& tile : tiles) canonicalize(tile);
                        VOXELD_TRY(sink.add(std::move(tiles)));
                        return sink.reached(done);
@@ -338,6 +419,7 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, S
   VoxelizePlan plan{
       scene, options,
       frames != nullptr ? frames->channels(scene, options) : wanted_channels(scene, options)};
+  VOXELD_TRY(impl_->check_faults(options.pipeline, plan.channels));
   const bool keeps_tiles = needs_all_tiles(options, plan.channels) || sink.keeps_tiles();
   VOXELD_TRY(impl_->plan_job(scene, options, frames, keeps_tiles, progress, plan, *stats));
   VOXELD_TRY(impl_->run_plan(plan, frames, sink, progress, *stats));
@@ -389,6 +471,10 @@ void Voxelizer::set_host_bytes_max(int64_t bytes) {
 
 void Voxelizer::set_calibration(CalibrationLookup calibration) {
   impl_->calibration = std::move(calibration);
+}
+
+void Voxelizer::set_device_faults(DeviceFaults faults) {
+  impl_->faults = std::move(faults);
 }
 
 }  // namespace voxeld

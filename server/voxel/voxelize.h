@@ -72,6 +72,10 @@ class Voxelizer {
   // Sets the measurements by which `auto` chooses, or the reason why there are none.
   void set_calibration(CalibrationLookup calibration);
 
+  // Sets the parts of the device that are not used. `auto` takes others, and the CPU fills. A
+  // request that names such a pipeline is refused with unsupported-feature.
+  void set_device_faults(DeviceFaults faults);
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

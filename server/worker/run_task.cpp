@@ -8,14 +8,15 @@
 #include "server/base/check.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
-#include "server/grid/region.h"
 #include "server/process/machine.h"
+#include "server/voxel/estimates/estimate.h"
 #include "server/worker/frames/container_frames.h"
 #include "server/worker/frames/make_frames.h"
 #include "server/worker/grids/grid_input.h"
 #include "server/worker/grids/grid_meta.h"
 #include "server/worker/grids/host_estimate.h"
 #include "server/worker/grids/make_grid.h"
+#include "server/worker/grids/volume_input.h"
 #include "server/worker/images/image_task.h"
 #include "server/worker/mesh/inspect.h"
 #include "server/worker/task/asset_input.h"
@@ -28,30 +29,34 @@ namespace {
 constexpr int64_t kTrimBytesMin = int64_t{512} << 20;
 constexpr std::string_view kJsonMediaType = "application/json";
 
-// Writes the grid in the requested format.
-Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output) {
-  const StageTimer stage(run, "encode");
-  VOXELD_ASSIGN(const std::vector<uint8_t> bytes, encode(grid, output));
-  add_warnings(run, encode_warnings(grid.spec, output));
-  return add_output(run, "result", bytes, format_media_type(output.format),
-                    format_extension(output.format));
-}
-
-// asset -> scene -> tiles -> native container -> grid -> the response's format
-Status voxelize_scene(TaskRun& run, const SceneInput& scene, const RequestOptions& options) {
-  run.engine.cache.grid.reset();
-  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, scene, options));
-  const bool is_selection = selects(options.output);
+// Writes the result from the grid whose container was made, unless that is the result.
+Status write_made(TaskRun& run, WrittenGrid& made, const RequestOptions& options) {
+  const bool is_selection = is_made_from_tiles(options.output);
   if (is_selection) {
     VOXELD_ASSIGN(const auto input, GridInput::open(run, made.path));
     VOXELD_TRY(write_selection(run, input->tiles(), options.output));
   }
   if (!made.kept) return {};
   if (options.output.format != Format::kNative && !is_selection) {
+    const StageTimer stage(run, "encode");
     VOXELD_TRY(write_result(run, made.kept->grid, options.output));
   }
   keep_grid(run, made, made.id);
   return {};
+}
+
+// asset -> scene -> tiles -> native container -> grid -> the response's format
+Status voxelize_scene(TaskRun& run, const SceneInput& scene, const RequestOptions& options) {
+  run.engine.cache.grid.reset();
+  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, scene, options));
+  return write_made(run, made, options);
+}
+
+// file of voxels -> native container -> grid -> the response's format
+Status convert_volume(TaskRun& run, const RequestOptions& options) {
+  run.engine.cache.grid.reset();
+  VOXELD_ASSIGN(WrittenGrid made, volume_to_file(run, options));
+  return write_made(run, made, options);
 }
 
 // Voxelizes an animation at one time.
@@ -70,6 +75,8 @@ Status voxelize_frames(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(Clip clip, open_clip(run, options));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(clip.spec, options.output));
   VOXELD_TRY(check_sequence_encodable(selected, clip.times.times_s.size(), options.output));
+  VOXELD_TRY(
+      check_channels(wanted_channels(clip.moving.bind(), options.voxelize).grid, options.output));
   run.engine.cache.grid.reset();
   if (SequenceBeside::fits(options.output)) {
     SequenceBeside sequence(run, options.output);
@@ -82,9 +89,11 @@ Status voxelize_frames(TaskRun& run, const RequestOptions& options) {
 
 Status voxelize(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kVoxelize));
+  VOXELD_ASSIGN(const bool is_volume, is_volume_input(run.task));
+  if (is_volume) return convert_volume(run, options);
   if (options.animation.is_sequence()) return voxelize_frames(run, options);
   if (options.animation.moves()) return voxelize_moment(run, options);
-  VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
+  VOXELD_ASSIGN(const auto scene, load_input_scene(run, load_options(options.voxelize)));
   return voxelize_scene(run, {*scene, scene_key(run.task, false)}, options);
 }
 
@@ -99,13 +108,14 @@ Status export_grid(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kExport));
   if (run.task.input_is_sequence) return export_sequence(run, options);
   VOXELD_TRY(check_one_grid(options.animation));
-  if (selects(options.output) || options.output.format == Format::kNative) {
+  if (is_made_from_tiles(options.output) || options.output.format == Format::kNative) {
     VOXELD_ASSIGN(const auto input, GridInput::open(run, run.task.input_path));
     add_input_meta(run, input->tiles().grid().meta);
     return write_selection(run, input->tiles(), options.output);
   }
   VOXELD_ASSIGN(const auto grid, load_input_grid(run));
   VOXELD_TRY(check_encodable(grid->grid.spec, options.output));
+  VOXELD_TRY(check_channels(grid->grid.channels, options.output));
   add_meta(run, grid_facts(*grid));
   return write_result(run, grid->grid, options.output);
 }
@@ -113,9 +123,9 @@ Status export_grid(TaskRun& run) {
 // Loads the scene for a description. If its animations are broken, it loads the mesh alone and adds
 // the error as a warning.
 Result<std::shared_ptr<const AnimatedScene>> load_described(TaskRun& run) {
-  auto animated = load_input_animated(run, false);
+  auto animated = load_input_animated(run, {.decode_images = false});
   if (animated || animated.error().code == ErrorCode::kCancelled) return animated;
-  auto still = load_input_scene(run, false);
+  auto still = load_input_scene(run, {.decode_images = false});
   if (!still) return animated;
   add_warnings(run, {{"broken-animation", animated.error().message()}});
   auto described = std::make_shared<AnimatedScene>();
@@ -125,9 +135,15 @@ Result<std::shared_ptr<const AnimatedScene>> load_described(TaskRun& run) {
 
 // asset -> description
 Status inspect(TaskRun& run) {
-  VOXELD_ASSIGN(const auto animated, load_described(run));
-  const StageTimer stage(run, "inspect");
-  add_meta(run, describe_scene(*animated));
+  VOXELD_ASSIGN(const bool is_volume, is_volume_input(run.task));
+  if (is_volume) {
+    VOXELD_ASSIGN(const nlohmann::json description, describe_volume_input(run));
+    add_meta(run, description);
+  } else {
+    VOXELD_ASSIGN(const auto animated, load_described(run));
+    const StageTimer stage(run, "inspect");
+    add_meta(run, describe_scene(*animated));
+  }
   add_meta(run, {{"warnings", describe_warnings(run.completion.warnings)}});
   const std::string text = meta_text(run);
   return add_output(run, "result", {reinterpret_cast<const uint8_t*>(text.data()), text.size()},

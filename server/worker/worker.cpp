@@ -15,6 +15,7 @@
 #include "server/base/log.h"
 #include "server/process/machine.h"
 #include "server/worker/device/calibration_key.h"
+#include "server/worker/device/test_device.h"
 #include "server/worker/gateway/device_slice.h"
 #include "server/worker/gateway/task_client.h"
 #include "server/worker/gateway/task_monitor.h"
@@ -59,6 +60,7 @@ json device_json(const gpu::DeviceInfo& info, int64_t memory_bytes) {
           {"version", info.version},
           {"glsl_version", info.glsl_version},
           {"is_software", info.is_software},
+          {"pci_address", info.pci_address},
           {"memory_bytes", memory_bytes},
           {"has_int64", info.has_int64},
           {"ssbo_bytes_max", info.ssbo_bytes_max},
@@ -97,23 +99,46 @@ void log_outcome(const Task& task, const TaskOutcome& outcome, double ms) {
                    {"error", failure == nullptr ? "" : failure->error.message()}});
 }
 
-// If the driver has lost the context, the job may succeed in a fresh process. The failure is not
-// reported, so the gateway queues the job again when this process ends. Returns the exit status.
+// If the driver has lost the context, the job may succeed in a fresh process. A failure is not
+// reported, so the gateway queues the job again when this process ends. A job that the CPU went on
+// with has an outcome; the process then ends after the report. Returns the exit status.
 std::optional<int> check_context(Engine& engine, const Task& task, const TaskOutcome& outcome) {
   const auto* failure = std::get_if<TaskFailure>(&outcome);
-  if (failure == nullptr || (failure->error.code != ErrorCode::kInternal &&
-                             failure->error.code != ErrorCode::kDeviceUnavailable)) {
-    return std::nullopt;
-  }
+  const bool has_failed =
+      failure != nullptr && (failure->error.code == ErrorCode::kInternal ||
+                             failure->error.code == ErrorCode::kDeviceUnavailable);
+  if (!has_failed && engine.device_failure.empty()) return std::nullopt;
   const Status context = engine.device.check("after a failed task");
   if (context) return std::nullopt;
   log::error("the context is lost", {{"job", task.id}, {"error", context.error().message()}});
   return kExitContextLost;
 }
 
-// Runs one task and reports on it. Returns an exit status if the process should end.
+// What the gateway is told of the device; empty: all of it works.
+std::string device_failure(const Engine& engine) {
+  constexpr size_t kTextBytesMax = 2000;  // a compiler's log may be longer than a message
+  std::string failure = engine.device_failure;
+  if (failure.empty() && engine.device_faults.any()) {
+    failure = "self-test: " + engine.device_faults.text();
+  }
+  if (failure.size() > kTextBytesMax) failure.resize(kTextBytesMax);
+  return failure;
+}
+
+// Tells the gateway, if that has changed, how the device did; /readyz and the metrics show it.
+void report_device(const Engine& engine, TaskClient& client, std::string& reported) {
+  std::string failure = device_failure(engine);
+  if (failure == reported) return;
+  reported = std::move(failure);
+  if (!reported.empty()) log::error("the device failed", {{"error", reported}});
+  (void)client.report(TaskFailure{"", 0, {ErrorCode::kDeviceUnavailable, reported, "", ""}}).ok();
+}
+
+// Runs one task and reports on it. reported_failure: the device's, as the gateway knows it. Returns
+// an exit status if the process should end.
 std::optional<int> handle_task(Engine& engine, TaskClient& client, SliceClient* slices,
-                               const Task& task, const std::filesystem::path& scratch) {
+                               const Task& task, const std::filesystem::path& scratch,
+                               std::string& reported_failure) {
   const Stopwatch watch;
   engine.begin_task_of(task.tenant);
   TaskOutcome outcome;
@@ -121,11 +146,14 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, SliceClient* 
     TaskMonitor monitor(client, task, engine.device.memory);
     outcome = run_task(engine, task, scratch, monitor, slices);
     log_outcome(task, outcome, watch.ms());
-    if (const auto lost = check_context(engine, task, outcome)) return lost;
+    const auto lost = check_context(engine, task, outcome);
+    if (lost && std::holds_alternative<TaskFailure>(outcome)) return lost;
+    report_device(engine, client, reported_failure);
     if (monitor.dropped()) outcome = TaskDropped{};
+    const bool is_reported = std::holds_alternative<TaskDropped>(outcome) || client.report(outcome);
+    if (lost) return lost;
+    if (!is_reported) return kExitClean;  // the gateway is gone
   }
-  if (std::holds_alternative<TaskDropped>(outcome)) return std::nullopt;
-  if (!client.report(outcome)) return kExitClean;  // the gateway is gone
   return std::nullopt;
 }
 
@@ -133,6 +161,8 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, SliceClient* 
 
 int serve_tasks(Engine& engine, TaskClient& client, SliceClient* slices,
                 const std::filesystem::path& scratch) {
+  std::string reported_failure = device_failure(engine);  // by hello
+  if (!reported_failure.empty()) log::error("the device failed", {{"error", reported_failure}});
   while (true) {
     const auto task = client.claim();
     if (!task) {
@@ -140,7 +170,8 @@ int serve_tasks(Engine& engine, TaskClient& client, SliceClient* slices,
       if (!gone) log::error("cannot claim", {{"error", task.error().message()}});
       return gone ? kExitClean : kExitNoGateway;
     }
-    if (const auto exit = handle_task(engine, client, slices, *task, scratch)) return *exit;
+    const auto exit = handle_task(engine, client, slices, *task, scratch, reported_failure);
+    if (exit) return *exit;
   }
 }
 
@@ -162,6 +193,22 @@ void use_calibration(const std::filesystem::path& data_dir, Engine& engine) {
   engine.voxelizer.set_calibration(std::move(lookup));
 }
 
+// Leaves what failed the self-test unused. Hardware that was not tested is not used either: the
+// daemon tests it when it starts, so its driver has changed since. Software drivers are tested when
+// they are calibrated; `auto` does not take them before.
+void use_self_test(const std::filesystem::path& data_dir, Engine& engine) {
+  const gpu::DeviceInfo& info = engine.device.info;
+  if (info.device.kind == gpu::DeviceKind::kCpu) return;
+  const SelfTestLookup lookup =
+      find_self_test(data_dir, gpu::device_name(info.device), self_test_key(engine.device));
+  if (lookup.found) {
+    engine.set_device_faults(lookup.faults);
+  } else if (!info.is_software) {
+    engine.set_device_faults(
+        all_faulty(lookup.why_not + "; the daemon tests the device when it starts"));
+  }
+}
+
 Result<int> run_worker(const WorkerConfig& config) {
   VOXELD_ASSIGN(const auto client, TaskClient::connect(config.gateway));
   VOXELD_ASSIGN(const auto slices, SliceClient::connect(config.gateway));
@@ -174,18 +221,26 @@ Result<int> run_worker(const WorkerConfig& config) {
     return report_unavailable(*client, config.device, entered.error());
   }
   auto device = open_device(config.device, config.shader_dir);
-  if (!device) return report_unavailable(*client, config.device, device.error());
+  if (!device) {
+    return report_unavailable(
+        *client, config.device,
+        sandbox.suspected(std::move(device).error(), gpu::device_name(config.device)));
+  }
   Engine engine(*std::move(device));
   engine.part_interval =
       std::chrono::milliseconds(static_cast<int64_t>(config.part_seconds * 1000.0));
   const gpu::DeviceInfo& info = engine.device.info;
-  if (!config.data_dir.empty()) use_calibration(config.data_dir, engine);
+  if (!config.data_dir.empty()) {
+    use_calibration(config.data_dir, engine);
+    use_self_test(config.data_dir, engine);
+  }
   // Sandbox last: drivers have now loaded their libraries and started their threads.
   if (Status entered = sandbox.close(); !entered) {
     return report_unavailable(*client, config.device, entered.error());
   }
   WorkerHello hello = make_hello(config.device);
   hello.sandbox = sandbox.level();
+  hello.device_failure = device_failure(engine);
   hello.renderer = info.renderer;
   hello.driver = info.version;
   hello.device_json = device_json(info, engine.device.memory().bytes_total)

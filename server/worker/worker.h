@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "server/gpu/device.h"
+#include "server/device/device.h"
 #include "server/worker/gateway/device_slice.h"
 #include "server/worker/gateway/task_client.h"
 #include "server/worker/task/engine.h"

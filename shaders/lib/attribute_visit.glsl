@@ -22,11 +22,11 @@ ivec2 corner_uv0, corner_uv1, corner_uv2;
 uint visited_altitude;
 uint visited_weight;
 
-CellPolygon in_column;
+ColumnRows in_column;
 int64_t column_depth;
 
 void begin_column(TouchTriangle t, int i, int j) {
-  in_column = column_polygon(visited, i, j);
+  in_column = triangle_rows(visited, i, j);
   column_depth = column_depth_at(visited, i, j);
 }
 
@@ -38,7 +38,8 @@ uvec4 linear_texel(ivec2 at, int level) {
 }
 
 // Bilinear sample in linear light. The fraction has 8 bits on each axis, so that 65535 * 65536
-// fits.
+// fits. A level finer than asked for has its four texels averaged, because single ones would be
+// chosen by where taps happen to be.
 uvec4 sample_tap(ivec3 weights, int level_max) {
   int level = tap_level(weights, visited_altitude, level_max);
   uint wrap_u = (visited_flags >> ATTRIBUTE_WRAP_U_SHIFT) & 3u;
@@ -50,7 +51,8 @@ uvec4 sample_tap(ivec3 weights, int level_max) {
                            wrap_v);
   int x0 = wrap_texel(u >> 8, size.x, wrap_u), x1 = wrap_texel((u >> 8) + 1, size.x, wrap_u);
   int y0 = wrap_texel(v >> 8, size.y, wrap_v), y1 = wrap_texel((v >> 8) + 1, size.y, wrap_v);
-  uint fx = uint(u & 255), fy = uint(v & 255);
+  bool is_finer = level + 1 < level_max;
+  uint fx = is_finer ? 128u : uint(u & 255), fy = is_finer ? 128u : uint(v & 255);
   uvec4 sum = linear_texel(ivec2(x0, y0), level) * ((256u - fx) * (256u - fy)) +
               linear_texel(ivec2(x1, y0), level) * (fx * (256u - fy)) +
               linear_texel(ivec2(x0, y1), level) * ((256u - fx) * fy) +
@@ -64,47 +66,51 @@ bool tap_fits(ivec3 weights, int level) {
   return tap_level(weights, visited_altitude, level) + 1 >= level;
 }
 
-// The mean over a triangle of a polygon's fan with corners a, b and c: one tap if that suffices,
-// else one for each quarter.
-uvec4 sample_fan(ivec3 a, ivec3 b, ivec3 c, uint twice_area, int level_max) {
-  int level = part_level(twice_area, level_max);
-  ivec3 centre = centre_weights(a, b, c);
-  if (twice_area < TAP_TWICE_AREA_MIN || tap_fits(centre, level)) return sample_tap(centre, level);
-  return (sample_tap(centre, level - 1) + sample_tap(middle_weights(a, centre), level - 1) +
-          sample_tap(middle_weights(b, centre), level - 1) +
-          sample_tap(middle_weights(c, centre), level - 1) + 2u) >> 2;
+// The mean over a part of a strip: one tap at its centre if that suffices, else one on each side.
+uvec4 sample_half(ivec2 centre, ivec2 spread, uint area, int i, int j, int level_max) {
+  int level = part_level(area, level_max);
+  ivec3 weights = weights_in_column(visited, i, j, centre);
+  if (tap_fits(weights, level)) return sample_tap(weights, level);
+  ivec3 left = weights_in_column(visited, i, j, centre - spread);
+  ivec3 right = weights_in_column(visited, i, j, centre + spread);
+  return (sample_tap(left, level - 1) + sample_tap(right, level - 1) + 1u) >> 1;
 }
 
-// The mean over the intersection of a triangle and a cell: one tap if that suffices, else the mean
-// over the triangles of its fan, weighted by area.
-uvec4 sample_texture(ivec3 weights, int i, int j, CellPolygon polygon, uint twice_area) {
+// The sum of the means over the left and over the right halves of a strip's rows.
+uvec4 sample_strip(CellArea cell, RowSums sums, int i, int j, int level_max) {
+  ivec2 centre = row_centroid(cell, sums);
+  int spread = row_spread(sums);
+  uint half_area = rows_area(cell, sums) >> 1;
+  ivec2 inner = ivec2(spread >> 1, 0);
+  return sample_half(centre - ivec2(spread, 0), inner, half_area, i, j, level_max) +
+         sample_half(centre + ivec2(spread, 0), inner, half_area, i, j, level_max);
+}
+
+// The mean over the intersection of a triangle and a cell: one tap if that suffices, else the
+// mean over its strips, weighted by area. sums: of all rows.
+uvec4 sample_texture(ivec3 weights, int i, int j, CellArea cell, RowSums sums) {
   int level_max = int(visited_flags >> ATTRIBUTE_LEVEL_SHIFT) & 15;
-  if (twice_area == 0u) return sample_tap(weights, level_max);
-  int level = part_level(twice_area, level_max);
+  if (sums.lengths == 0u) return sample_tap(weights, level_max);
+  int level = part_level(rows_area(cell, sums), level_max);
   if (tap_fits(weights, level)) return sample_tap(weights, level);
-  ivec3 first = weights_in_column(visited, i, j, polygon_point(polygon.points[0]));
-  ivec3 last = weights_in_column(visited, i, j, polygon_point(polygon.points[1]));
   uint done = 0u;
-  uvec4 sum = uvec4(1u << 14);
-  for (int n = 1; n + 1 < polygon.count; ++n) {
-    ivec3 next = weights_in_column(visited, i, j, polygon_point(polygon.points[n + 1]));
-    uint area = twice_fan_area(polygon, n);
-    uint share = area_share(done + area, twice_area) - area_share(done, twice_area);
-    done += area;
-    if (share != 0u) sum += sample_fan(first, last, next, area, level_max) * share;
-    last = next;
+  uvec4 sum = uvec4(1u << 15);
+  for (int n = 0; n < AREA_STRIPS; ++n) {
+    uint part = cell.strips[n].lengths;
+    uint share = length_share(done + part, sums.lengths) - length_share(done, sums.lengths);
+    done += part;
+    if (share != 0u) sum += sample_strip(cell, cell.strips[n], i, j, level_max) * share;
   }
-  return sum >> 15;
+  return sum >> 16;
 }
 #endif
 
-void add_color(uint voxel, uint weight, ivec3 weights, int i, int j, CellPolygon polygon,
-               uint twice_area) {
+void add_color(uint voxel, uint weight, ivec3 weights, int i, int j, CellArea cell, RowSums sums) {
   uvec3 w = weights15(weights);
   uvec4 color = (corner_color0 * w.x + corner_color1 * w.y + corner_color2 * w.z) >> 15;
 #if ATTRIBUTE_TEXTURE
   if (((visited_flags >> ATTRIBUTE_FLAT_SHIFT) & 1u) == 0u) {
-    uvec4 texel = sample_texture(weights, i, j, polygon, twice_area);
+    uvec4 texel = sample_texture(weights, i, j, cell, sums);
     color = uvec4(product16(color.x, texel.x), product16(color.y, texel.y),
                   product16(color.z, texel.z), product16(color.w, texel.w));
   }
@@ -129,13 +135,13 @@ void add_normal(uint voxel, uint weight, ivec3 weights) {
 void visit_cell(int i, int j, int k) {
   uint voxel;
   if (!find_voxel(i, j, k, voxel)) return;
-  CellPolygon polygon = cell_polygon(visited, in_column, column_depth, k);
-  uint twice_area = twice_polygon_area(polygon);
-  uint weight = visited_weight != 0u ? visited_weight : area_weight(visited, twice_area);
-  ivec3 weights = corner_weights(visited, sample_position(visited, i, j, polygon, twice_area));
+  CellArea cell = cell_area(visited, in_column, column_depth, k);
+  RowSums sums = all_rows(cell);
+  uint weight = visited_weight != 0u ? visited_weight : area_weight(visited, rows_area(cell, sums));
+  ivec3 weights = corner_weights(visited, sample_position(visited, i, j, cell, sums));
   add_to_sum(voxel, 0u, weight);
 #if ATTRIBUTE_COLOR
-  add_color(voxel, weight, weights, i, j, polygon, twice_area);
+  add_color(voxel, weight, weights, i, j, cell, sums);
 #endif
 #if ATTRIBUTE_NORMAL
   add_normal(voxel, weight, weights);

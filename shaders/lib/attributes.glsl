@@ -2,23 +2,30 @@
 // the weights of its corners at points of it. All are integers. server/voxel/README.md defines each
 // number; tests/unit/voxel compiles this file as C++.
 //
-// Positions are relative to the tile and swizzled, as in lib/touch.glsl. Clipping is in
-// lib/attribute_polygon.glsl, which must come before this file.
+// Positions are relative to the tile and swizzled, as in lib/touch.glsl. Areas are in
+// lib/attribute_area.glsl, which must come before this file.
 
-// Twice an area, 1/32 of a cell's face. Smaller triangles get a single tap.
-#define TAP_TWICE_AREA_MIN (1u << 20)
+// A side of the projection: a X + b Y + rest = 0, X and Y in 1/512 of a cell. a > 0, or a = 0 and
+// b >= 0, so that triangles with a common side have the same line.
+struct AttributeSide {
+  int a, b;
+  int64_t rest;
+  int shift;      // of a and b, which leaves them 15 bits
+  RowLine line;
+  bool is_right;  // the triangle is where the value is not negative
+};
 
 struct AttributeTriangle {
-  // (a, b) of a side: a X + b Y + rest >= 0 inside; X and Y in 1/512 of a cell
-  ivec2 edge0, edge1, edge2;
-  int64_t edge_rest0, edge_rest1, edge_rest2;
+  AttributeSide side0, side1, side2;
   int slope_i, slope_j;        // 2^-24 cells per column
   int64_t depth;               // depth of the plane at the corner of column (0, 0), 2^-24 cells
+  RowLine level;               // the plane at one depth
   ivec2 form1, form2;          // linear forms of corner 1's and corner 2's weight
   int64_t rest1, rest2;        // their constants, in 1/512 of a cell
   int64_t limit;               // the value at which a form gives weight 1
   int64_t reciprocal;          // floor(2^58 / limit)
   ivec2 box_min, box_max;      // box of the projection, 1/512 of a cell
+  int low, high;               // the box in y where areas are measured, 2^-12 cells
   uint factor;                 // factor of the area: 256 |n| / |n_dominant|
 };
 
@@ -32,10 +39,19 @@ int64_t form_rest(ivec2 form, ivec3 from) {
   return -(int64_t(form.x) * int64_t(2 * from.x + 1) + int64_t(form.y) * int64_t(2 * from.y + 1));
 }
 
-// Areas are measured half a sub-voxel below the corners on each axis. Surfaces that begin and end
-// on boundaries between cells then fill whole cells.
-int64_t edge_rest(ivec2 edge, ivec3 from) {
-  return -(int64_t(edge.x) * int64_t(2 * from.x) + int64_t(edge.y) * int64_t(2 * from.y));
+// The side from v along d. turn: 1 if the triangle is on its left, else -1. Areas are measured half
+// a sub-voxel below the corners on each axis. Surfaces that begin and end on boundaries between
+// cells then fill whole cells.
+AttributeSide attribute_side(ivec3 v, ivec3 d, int turn) {
+  AttributeSide side;
+  int sign = d.y < 0 || (d.y == 0 && d.x >= 0) ? 1 : -1;
+  side.a = -d.y * sign;
+  side.b = d.x * sign;
+  side.rest = -(int64_t(side.a) * int64_t(2 * v.x) + int64_t(side.b) * int64_t(2 * v.y));
+  side.shift = max(findMSB(uint(max(side.a, abs(side.b)))) - 14, 0);
+  side.line = row_line(side.a >> side.shift, side.b >> side.shift);
+  side.is_right = sign == turn;
+  return side;
 }
 
 // v: corners; flags, slopes and reciprocal: the triangle's words of shared/attributes.h.
@@ -47,14 +63,12 @@ AttributeTriangle attribute_setup(ivec3 v0, ivec3 v1, ivec3 v2, int slope_i, int
   ivec3 d2 = v0 - v2;
   int64_t area = int64_t(d0.x) * int64_t(d1.y) - int64_t(d0.y) * int64_t(d1.x);
   int side = area >= int64_t(0) ? 1 : -1;
-  t.edge0 = ivec2(-d0.y * side, d0.x * side);
-  t.edge1 = ivec2(-d1.y * side, d1.x * side);
-  t.edge2 = ivec2(-d2.y * side, d2.x * side);
-  t.edge_rest0 = edge_rest(t.edge0, v0);
-  t.edge_rest1 = edge_rest(t.edge1, v1);
-  t.edge_rest2 = edge_rest(t.edge2, v2);
+  t.side0 = attribute_side(v0, d0, side);
+  t.side1 = attribute_side(v1, d1, side);
+  t.side2 = attribute_side(v2, d2, side);
   t.slope_i = slope_i;
   t.slope_j = slope_j;
+  t.level = row_line(abs(slope_i) >> 9, (slope_i < 0 ? -slope_j : slope_j) >> 9);
   // Moves from corner 0 to the corner of its column, then to column (0, 0).
   t.depth = (int64_t(v0.z) << (ATTRIBUTE_DEPTH_BITS - 8)) -
             ((int64_t(slope_i) * int64_t(v0.x & 255) + int64_t(slope_j) * int64_t(v0.y & 255)) >>
@@ -93,63 +107,84 @@ AttributeTriangle attribute_setup(ivec3 v0, ivec3 v1, ivec3 v2, int slope_i, int
   ivec3 high = max(v0, max(v1, v2));
   t.box_min = ivec2(2 * low.x + 1, 2 * low.y + 1);
   t.box_max = ivec2(2 * high.x + 1, 2 * high.y + 1);
+  t.low = 16 * low.y;
+  t.high = 16 * high.y;
   t.factor = flags & uint(ATTRIBUTE_FACTOR_MASK);
   return t;
 }
 
-// A side as a line of a column's polygon: value >= 0 inside, x and y in 2^-12 cells from the
-// column's corner. Coefficients get 15 bits, which errs by half a unit across a column. The
-// constant is clamped to the range beyond which no point of the column changes its sign.
-ivec3 column_line(ivec2 edge, int64_t rest, int i, int j) {
-  int shift = max(findMSB(uint(max(abs(edge.x), abs(edge.y)))) - 14, 0);
-  int64_t corner = int64_t(edge.x) * int64_t(512 * i) + int64_t(edge.y) * int64_t(512 * j) + rest;
+// The constant of a side's line in column (i, j). It is clamped to the range beyond which no point
+// of the column changes its sign. Coefficients of 15 bits err by half a unit across a column.
+int side_constant(AttributeSide side, int i, int j) {
+  int64_t corner = int64_t(side.a) * int64_t(512 * i) + int64_t(side.b) * int64_t(512 * j) +
+                   side.rest;
   int64_t limit = int64_t(1 << 29);
-  return ivec3(edge.x >> shift, edge.y >> shift,
-               int(clamp64((corner * int64_t(8)) >> shift, -limit, limit)));
+  return int(clamp64((corner * int64_t(8)) >> side.shift, -limit, limit));
+}
+
+ColumnRows clip_side(ColumnRows column, AttributeSide side, int i, int j) {
+  return clip_rows(column, side.line, side_constant(side, i, j), side.is_right);
 }
 
 // The intersection of the triangle's projection with column (i, j).
-CellPolygon column_polygon(AttributeTriangle t, int i, int j) {
-  CellPolygon polygon = whole_column();
-  if (t.factor == 0u) polygon.count = 0;
-  polygon = clip_polygon(polygon, column_line(t.edge0, t.edge_rest0, i, j));
-  polygon = clip_polygon(polygon, column_line(t.edge1, t.edge_rest1, i, j));
-  return clip_polygon(polygon, column_line(t.edge2, t.edge_rest2, i, j));
+ColumnRows triangle_rows(AttributeTriangle t, int i, int j) {
+  ColumnRows column = box_rows(t.low - AREA_SIDE * j, t.high - AREA_SIDE * j);
+  column = clip_side(column, t.side0, i, j);
+  return clip_side(clip_side(column, t.side1, i, j), t.side2, i, j);
 }
 
 int64_t column_depth_at(AttributeTriangle t, int i, int j) {
   return t.depth + int64_t(t.slope_i) * int64_t(i) + int64_t(t.slope_j) * int64_t(j);
 }
 
-// The part of a column's polygon that lies in cell k. The triangle must touch the cell, so the
-// plane is within 5 cells of it everywhere in the column. depth: column_depth_at().
-CellPolygon cell_polygon(AttributeTriangle t, CellPolygon column, int64_t depth, int k) {
-  if (column.count == 0) return column;
-  int rise = int(depth - (int64_t(k) << ATTRIBUTE_DEPTH_BITS));
-  int a = t.slope_i >> 9, b = t.slope_j >> 9, c = (rise >> 9) * 4096;
-  CellPolygon above = clip_polygon(column, ivec3(a, b, c));
-  return clip_polygon(above, ivec3(-a, -b, 4096 * (1 << (ATTRIBUTE_DEPTH_BITS - 9)) - 1 - c));
+// The constant of the line at which the plane has depth k in a column. The triangle must touch cell
+// k or the one below, so the plane is within 6 cells of k everywhere in the column. depth:
+// column_depth_at().
+int level_constant(AttributeTriangle t, int64_t depth, int k) {
+  int rise = int((depth - (int64_t(k) << ATTRIBUTE_DEPTH_BITS)) >> 9);
+  return (t.slope_i < 0 ? -rise : rise) * AREA_SIDE;
+}
+
+// The part of a column's rows that lies in cell k, which the triangle must touch.
+CellArea cell_area(AttributeTriangle t, ColumnRows column, int64_t depth, int k) {
+  CellArea cell;
+  cell.low = column.low;
+  cell.spacing = column.spacing;
+  for (int n = 0; n < AREA_STRIPS; ++n) cell.strips[n] = no_rows();
+  if (t.factor == 0u) return cell;
+  // Along x the plane rises from the one constant's crossing to the other's, or falls.
+  int left = level_constant(t, depth, t.slope_i < 0 ? k + 1 : k);
+  int right = level_constant(t, depth, t.slope_i < 0 ? k : k + 1);
+  for (int n = 0; n < AREA_STRIPS; ++n) {
+    RowSums sums = no_rows();
+    for (int r = n * AREA_STRIP_ROWS; r < (n + 1) * AREA_STRIP_ROWS; ++r) {
+      int first = max(int(column.rows[r] & 0xffffu), row_crossing(t.level, left, row_y(column, r)));
+      int last = min(int(column.rows[r] >> 16), row_crossing(t.level, right, row_y(column, r)));
+      sums = add_row(sums, first, last, r);
+    }
+    cell.strips[n] = sums;
+  }
+  return cell;
 }
 
 // The weight of a triangle's intersection with a cell; a cell's face has 4096. It is at least 1, so
 // that every occupied cell has a colour.
-uint area_weight(AttributeTriangle t, uint twice_area) {
-  return max((((twice_area + 16u) >> 5) * t.factor + (1u << 15)) >> 16, 1u);
+uint area_weight(AttributeTriangle t, uint area) {
+  return max((area * t.factor + (1u << 10)) >> 11, 1u);
 }
 
-// Converts a point of a column's polygon, in 2^-12 cells from the column's corner, to 1/512 of a
-// cell.
+// Converts a point of a column, in 2^-12 cells from its corner, to 1/512 of a cell.
 ivec2 position_in_column(int i, int j, ivec2 point) {
   return ivec2(512 * i + 1, 512 * j + 1) + ((point + 4) >> 3);
 }
 
-// The position at which attributes are sampled, in 1/512 of a cell. It is the polygon's centroid,
-// or, without area, the column's centre clamped to the triangle's box.
-ivec2 sample_position(AttributeTriangle t, int i, int j, CellPolygon polygon, uint twice_area) {
-  if (twice_area == 0u) {
+// The position at which attributes are sampled, in 1/512 of a cell. It is the centroid, or, without
+// area, the column's centre clamped to the triangle's box.
+ivec2 sample_position(AttributeTriangle t, int i, int j, CellArea cell, RowSums sums) {
+  if (sums.lengths == 0u) {
     return clamp(ivec2(512 * i + 256, 512 * j + 256), t.box_min, t.box_max);
   }
-  return position_in_column(i, j, polygon_centroid(polygon, twice_area));
+  return position_in_column(i, j, row_centroid(cell, sums));
 }
 
 int form_weight(AttributeTriangle t, ivec2 form, int64_t rest, ivec2 at) {
@@ -167,19 +202,6 @@ ivec3 corner_weights(AttributeTriangle t, ivec2 at) {
 
 ivec3 weights_in_column(AttributeTriangle t, int i, int j, ivec2 point) {
   return corner_weights(t, position_in_column(i, j, point));
-}
-
-// Weights at the centroid of a triangle whose corners have these weights.
-ivec3 centre_weights(ivec3 a, ivec3 b, ivec3 c) {
-  int w1 = int(uint(a.y + b.y + c.y) / 3u), w2 = int(uint(a.z + b.z + c.z) / 3u);
-  return ivec3((1 << ATTRIBUTE_WEIGHT_BITS) - w1 - w2, w1, w2);
-}
-
-// Weights half way between two points. Half way from a triangle's centroid to a corner is the
-// centroid of the quarter at that corner. The fourth quarter has the triangle's own centroid.
-ivec3 middle_weights(ivec3 a, ivec3 b) {
-  int w1 = (a.y + b.y) >> 1, w2 = (a.z + b.z) >> 1;
-  return ivec3((1 << ATTRIBUTE_WEIGHT_BITS) - w1 - w2, w1, w2);
 }
 
 // Weights of 15 bits for 16-bit attributes. Their sum is 2^15, so that 65535 * 2^15 fits.
@@ -209,16 +231,13 @@ int tap_level(ivec3 weights, uint altitude, int level_max) {
   return min(level_max, max(findMSB((least * altitude) >> 18), 0));
 }
 
-// A part's share of a polygon's area; 2^15 is all of it.
-uint area_share(uint twice_part, uint twice_area) {
-  int shift = max(findMSB(twice_area) - 15, 0);
-  return ((twice_part >> shift) << 15) / (twice_area >> shift);
-}
+// A part's share of a length that is not 0; 2^15 is all of it.
+uint length_share(uint part, uint all) { return (part << 15) / all; }
 
 // The level whose texels are as large as a part of a cell. level_max is the level whose texels are
-// as large as the cell. twice_area: the part's, 2^25 for a cell's face.
-int part_level(uint twice_area, int level_max) {
-  return max(level_max - ((25 - findMSB(twice_area)) >> 1), 0);
+// as large as the cell. area: the part's.
+int part_level(uint area, int level_max) {
+  return max(level_max - ((AREA_FACE_BITS - findMSB(max(area, 1u))) >> 1), 0);
 }
 
 // A texture coordinate within one period of a level, in 1/256 texel from the centre of texel 0. It

@@ -72,9 +72,12 @@ struct BatchParams {
   uint small_capacity;  // work items that the lists hold; more are counted and not written
   uint large_capacity;
   uint slot_count;
+  uint item_first;      // work items of a dispatch of batch_touch: the first,
+  uint dispatch_items;  // and how many at most
   uint brick_capacity;           // occupied bricks that fit, as with work items
   uint has_full_nodes;           // octrees: 1 if voxels have no attributes
   uint octree_words;             // octrees: words that fit
+  uint unused0, unused1;
   ivec4 tiles[BATCH_SLOTS_MAX];  // xyz: the tile's first cell in the grid; w unused
 };
 
@@ -102,7 +105,7 @@ VOXELD_SHARED_END
 
 #ifdef __cplusplus
 static_assert(offsetof(voxeld::shared::BatchParams, group_count) == 16);
-static_assert(offsetof(voxeld::shared::BatchParams, tiles) == 48);
+static_assert(offsetof(voxeld::shared::BatchParams, tiles) == 64);
 static_assert(sizeof(voxeld::shared::BatchCounts) == 48);
 static_assert(sizeof(voxeld::shared::BatchTile) == 8);
 #endif

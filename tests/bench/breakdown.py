@@ -11,6 +11,7 @@ stages come from Server-Timing. Times are for reading beside each other, never f
 import argparse
 import os
 import pathlib
+import shutil
 import statistics
 import subprocess
 import sys
@@ -30,9 +31,10 @@ def server_timing(header):
     return stages
 
 
-def request(url, mesh, query):
+def request(url, mesh, query, keep=None):
     """Milliseconds at the client, those of the stages, and bytes of the response.
 
+    keep: a file that the response is copied to.
     Raises RuntimeError with the daemon's words, OSError where there is no curl.
     """
     with tempfile.NamedTemporaryFile() as body, tempfile.NamedTemporaryFile() as head:
@@ -47,6 +49,8 @@ def request(url, mesh, query):
         if not out or out[0] != "200":
             text = open(body.name, errors="replace").read()[:500]
             raise RuntimeError(f"{query}: {out[0] if out else 'no response'}: {text}")
+        if keep:
+            shutil.copyfile(body.name, keep)
         return float(out[1]) * 1e3, server_timing(headers.get("server-timing")), os.path.getsize(body.name)
 
 

@@ -139,9 +139,9 @@ double median(std::vector<double> values) {
 Result<std::vector<std::pair<std::string, double>>> measure(Voxelizer& voxelizer,
                                                             const Arguments& arguments,
                                                             const Scene& scene, Job& job) {
-  VOXELD_ASSIGN(
-      const RequestOptions request,
-      parse_options({{"color", "none"}, {"rule", arguments.rule}}, OptionScope::kVoxelize));
+  VOXELD_ASSIGN(const RequestOptions request,
+                parse_options(OptionPairs{{"color", "none"}, {"rule", arguments.rule}},
+                              OptionScope::kVoxelize));
   VoxelizeOptions options = request.voxelize;
   options.pipeline = PipelineChoice::kCompute;
   options.placement.size = job.size;

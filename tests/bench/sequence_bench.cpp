@@ -6,6 +6,7 @@
 // milliseconds per frame: on all cores, and how long these worked.
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>

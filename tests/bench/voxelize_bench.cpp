@@ -19,11 +19,11 @@
 
 #include "proto/options/options.h"
 #include "server/base/clock.h"
+#include "server/base/simd/cpu_isa.h"
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/grid/content_hash.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
-#include "server/voxel/cpu/kernels/cpu_isa.h"
 #include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
 #include "tests/bench/bench_scene.h"

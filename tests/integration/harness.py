@@ -56,7 +56,8 @@ class OpenApi:
         self.checked = 0
         self.routes = []
         for template, operations in spec["paths"].items():
-            pattern = re.compile("^" + re.sub(r"\{[^}]+\}", "[^/]+", template) + "$")
+            rest = re.sub(r"\{key\}$", ".+", template)  # all segments
+            pattern = re.compile("^" + re.sub(r"\{[^}]+\}", "[^/]+", rest) + "$")
             self.routes.append((template.count("{"), pattern, template, operations))
         self.routes.sort(key=lambda route: (route[0], -len(route[2])))
 

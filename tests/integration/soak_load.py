@@ -2,6 +2,7 @@
 
 Nothing that a daemon holds may grow with what it has done: after each round it is left alone until it
 is at rest, and then its memory, descriptors, threads and files are taken down."""
+import contextlib
 import json
 import os
 import pathlib
@@ -66,8 +67,13 @@ def status_of(pid):
 
 
 def children(pid):
-    return [int(child) for task in pathlib.Path(f"/proc/{pid}/task").iterdir()
-            for child in (task / "children").read_text().split()]
+    found = []
+    for task in pathlib.Path(f"/proc/{pid}/task").iterdir():
+        try:
+            found += map(int, (task / "children").read_text().split())
+        except (FileNotFoundError, ProcessLookupError):  # a thread that has ended since
+            continue
+    return found
 
 
 def folder_bytes(folder):
@@ -197,7 +203,8 @@ class Soak(TenantsDaemon):
         if self.kill_workers:
             workers = children(self.daemon.process.pid)
             if workers:
-                os.kill(chance.choice(workers), signal.SIGKILL)
+                with contextlib.suppress(ProcessLookupError):  # the daemon ended it meanwhile
+                    os.kill(chance.choice(workers), signal.SIGKILL)
         self.stop.wait(3)
 
     # --- rounds

@@ -67,7 +67,8 @@ class CancelLoad:
             "voxelize": ("sample.glb", (fixtures / "sample.glb").read_bytes(),
                          {"size": 6000, "channels": "occupancy", "cache": "no"}, "voxelize"),
             "export": ("sample.glb", (fixtures / "sample.glb").read_bytes(),
-                       {"size": 1000, "format": "npz", "channels": "occupancy", "cache": "no"}, "encode"),
+                       {"size": 1000, "format": "npz", "channels": "occupancy,normal", "dtype": "float32",
+                        "cache": "no"}, "encode"),
         }
 
     def cancel_ms(self, daemon, case, after_seconds):

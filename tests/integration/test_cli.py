@@ -32,11 +32,36 @@ class Cli(DaemonTest):
             self.assertEqual(done.stdout, b"")
             self.assertTrue((self.dir / name).read_bytes().startswith(magic))
 
+    def test_volumes_and_points_by_extension(self):
+        for name, magic in (("a.vti", b"<?xml"), ("a.nrrd", b"NRRD0004"), ("a.mha", b"ObjectType"),
+                            ("a.nii.gz", b"\x1f\x8b"), ("a.b.NII.GZ", b"\x1f\x8b"), ("a.binvox", b"#binvox 1"),
+                            ("a.csv", b"x,y,z,px"), ("a.pcd", b"# .PCD v0.7"), ("a.qb", b"\1\1\0\0")):
+            done = self.voxel(self.fixtures / "sample.ply", "-o", self.dir / name, "--size", 32)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertTrue((self.dir / name).read_bytes().startswith(magic), name)
+        done = self.voxel(self.fixtures / "sample.ply", "-o", self.dir / "color.nrrd", "--size", 32, "--channel", "color")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn(b"kinds: RGBA-color", (self.dir / "color.nrrd").read_bytes())
+        for name in ("a.nii", "a.gz", ".nii.gz"):
+            done = self.voxel(self.fixtures / "sample.ply", "-o", self.dir / name, "--size", 32)
+            self.assertEqual(done.returncode, 2, (name, done.stderr))
+            self.assertIn(b".nii.gz", done.stderr)
+
     def test_pipes(self):
         done = self.voxel("-", "-o", "-", "--format", "npy", "--size", 16, "--filename", "a.ply",
                           stdin=self.fixture("sample.ply"))
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(max(np.load(io.BytesIO(done.stdout)).shape), 16)
+
+    def test_blocks_by_extension(self):
+        for name in ("a.schem", "a.litematic", "A.NBT"):
+            done = self.voxel(self.fixtures / "sample.glb", "-o", self.dir / name, "--size", 24, "--blocks",
+                              "concrete,minecraft:stone", "--dither", "bayer")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertEqual((self.dir / name).read_bytes()[:2], b"\x1f\x8b")
+        done = self.voxel(self.fixtures / "sample.glb", "-o", self.dir / "b.schem", "--size", 24, "--blocks", "wol")
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn(b"did you mean 'wool'?", done.stderr)
 
     def test_render(self):
         done = self.voxel("render", self.fixtures / "sample.glb", "-o", self.dir / "a.png",

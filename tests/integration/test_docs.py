@@ -35,7 +35,10 @@ SKIP = re.compile(r"<!-- not run: ((?:(?!-->).)+) -->\s*\Z", re.S)
 ENDPOINT = re.compile(r"\b(localhost|127\.0\.0\.1):(\d{4,5})\b")
 MAGIC = {".npy": b"\x93NUMPY", ".npz": b"PK\3\4", ".zip": b"PK\3\4", ".vox": b"VOX ", ".voxg": b"VOXGRID\0",
          ".voxs": b"VOXSEQ\0", ".png": b"\x89PNG\r\n\x1a\n", ".apng": b"\x89PNG\r\n\x1a\n", ".gif": b"GIF89a",
-         ".glb": b"glTF"}
+         ".glb": b"glTF", ".vti": b"<?xml", ".nrrd": b"NRRD0004", ".mha": b"ObjectType", ".gz": b"\x1f\x8b",
+         ".binvox": b"#binvox 1", ".csv": b"x,y,z,px", ".pcd": b"# .PCD", ".qb": b"\1\1\0\0",
+         ".schem": b"\x1f\x8b", ".litematic": b"\x1f\x8b", ".nbt": b"\x1f\x8b", ".vdb": b" BDV",
+         ".bt": b"# Octomap OcTree binary", ".ldr": b"0 ", ".vtu": b"<?xml", ".inp": b"*HEADING", ".ktx2": b"\xabKTX 20"}
 INPUTS = {".ply", ".obj", ".stl", ".off", ".gltf", ".md5mesh", ".md5anim"}
 TEXTS = {".xyz", ".txt", ".log", ".key"}
 
@@ -103,7 +106,7 @@ class Clone:
 
     def __init__(self, has_demo=False):
         self.root = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-docs-"))
-        for name in ("docs", "proto", "tools"):
+        for name in ("docs", "proto", "python", "tools"):
             (self.root / name).symlink_to(ROOT / name)
         self.ports = {}
         self.blocks = self.root / ".blocks"
@@ -334,6 +337,7 @@ class Texts(unittest.TestCase):
             self.assertEqual(out, f"{program} {version}\n")
         openapi = yaml.safe_load((ROOT / "proto/openapi.yaml").read_text())
         self.assertEqual(openapi["info"]["version"], version)
+        self.assertIn(f'\n__version__ = "{version}"\n', (ROOT / "python/voxeld/__init__.py").read_text())
         newest = re.search(r"^## \[?(\d[^\s\]]*)", (ROOT / "CHANGELOG.md").read_text(), re.M).group(1)
         self.assertEqual(newest, version)
         supported = re.findall(r"^\| (\d+\.\d+)\.x \|", (ROOT / "SECURITY.md").read_text(), re.M)

@@ -109,7 +109,7 @@ class Contended(unittest.TestCase):
 class Memory(unittest.TestCase):
     def test_a_job_that_can_never_fit_is_refused_with_the_numbers(self):
         with Contention({"a": 1}, arguments=["--memory-max", "400M"]) as load:
-            job = load.submit("a", {"size": 1024, "format": "npy", "cache": "no"})
+            job = load.submit("a", {"size": 2048, "format": "xyz", "cache": "no"})
             status = load.tenants["a"].wait(job)
             self.assertEqual(status["error"]["code"], "grid-too-large", status)
             self.assertIn("at most 0.4 GB", status["error"]["expected"])

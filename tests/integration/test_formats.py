@@ -35,6 +35,79 @@ class Formats(DaemonTest):
         xyz = np.load(io.BytesIO(self.voxelize("size=31&format=npy&axes=xyz").body))
         self.assertTrue((xyz == base.transpose(2, 1, 0)).all())
 
+    def check_sparse(self, sparse, dense, names):
+        """The rows are the occupied cells of the dense arrays, by ascending Morton code."""
+        self.assertEqual(sorted(sparse), sorted(["coords", "dims", "meta", "origin", "voxel_size", *names]))
+        coords = sparse["coords"]
+        self.assertEqual(coords.dtype, np.int32)
+        self.assertEqual(tuple(sparse["dims"][::-1]), dense["occupancy"].shape)
+        occupied = np.argwhere(dense["occupancy"])[:, ::-1]
+        self.assertEqual(coords.shape, occupied.shape)
+        codes = sum(((coords[:, c].astype(np.int64) >> bit & 1) << 3 * bit + c)
+                    for bit in range(14) for c in range(3))
+        self.assertTrue((np.diff(codes) > 0).all())
+        x, y, z = coords.T
+        self.assertTrue(dense["occupancy"][z, y, x].all())
+        for name in names:
+            self.assertTrue((sparse[name] == dense[name][z, y, x]).all(), name)
+        for name in ("origin", "voxel_size"):
+            self.assertTrue((sparse[name] == dense[name]).all())
+
+    def test_sparse_arrays_are_the_rows_of_dense_ones(self):
+        query = "size=61&fill=solid&channels=color,normal,label,material,coverage"
+        names = ("color", "normal", "label", "material", "coverage")
+        for more in ("", "&dtype=float32", "&level=2", "&region=10,5,0,36,60,31"):
+            self.check_sparse(self.npz(query + more + "&layout=sparse"), self.npz(query + more), names)
+        coords = np.load(io.BytesIO(self.voxelize(query + "&layout=sparse&format=npy").body))
+        self.assertTrue((coords == self.npz(query + "&layout=sparse")["coords"]).all())
+
+    def test_sparse_arrays_of_frames_have_their_number_first(self):
+        dense, sparse = (np.load(io.BytesIO(self.frames("npz" + more))) for more in ("", "&layout=sparse"))
+        frame, x, y, z = sparse["coords"].T
+        self.assertTrue((np.diff(frame) >= 0).all())
+        self.assertEqual(len(frame), np.count_nonzero(dense["occupancy"]))
+        self.assertTrue(dense["occupancy"][frame, z, y, x].all())
+        self.assertTrue((sparse["color"] == dense["color"][frame, z, y, x]).all())
+        self.assertTrue((sparse["times"] == dense["times"]).all())
+        coords = np.load(io.BytesIO(self.frames("npy&layout=sparse")))
+        self.assertTrue((coords == sparse["coords"]).all())
+
+    def test_a_grid_too_large_for_dense_arrays_has_sparse_ones(self):
+        small = "transform=0.03,0,0,0,0,0.03,0,0,0,0,0.03,0,0,0,0,1"
+        query = f"size=2048&bounds=-1,-1,-1,1,1,1&{small}"
+        coords = np.load(io.BytesIO(self.voxelize(query + "&format=npy&layout=sparse").body))
+        begin, end = coords.min(axis=0), coords.max(axis=0) + 1
+        self.assertGreater((end - begin).max(), 10)
+        region = ",".join(map(str, [*begin, *end]))
+        dense = self.npz(f"{query}&region={region}")["occupancy"]
+        self.assertEqual(dense.shape, tuple(end - begin)[::-1])
+        self.assertEqual(np.count_nonzero(dense), len(coords))
+        x, y, z = (coords - begin).T
+        self.assertTrue(dense[z, y, x].all())
+
+    def test_accept_and_results_in_other_formats_take_the_layout(self):
+        body = self.fixture("sample.glb")
+        sparse = self.npz("size=24&layout=sparse")
+        response = self.daemon.request("POST", "/v1/voxelize?size=24&layout=sparse&filename=sample.glb", body,
+                                       {"Accept": "application/x-npz"})
+        self.assertEqual(response.status, 200, response.body)
+        self.assertTrue((np.load(io.BytesIO(response.body))["coords"] == sparse["coords"]).all())
+        job = self.voxelize("size=24").headers["X-Voxeld-Job"]
+        for path, headers in ((f"/v1/jobs/{job}/result?format=npz&layout=sparse", {}),
+                              (f"/v1/jobs/{job}/result?layout=sparse", {"Accept": "application/x-npz"})):
+            response = self.daemon.request("GET", path, None, headers)
+            self.assertEqual(response.status, 200, response.body)
+            self.assertTrue((np.load(io.BytesIO(response.body))["coords"] == sparse["coords"]).all())
+
+    def test_layout_without_arrays_is_refused(self):
+        for query, name, expected in (("format=vox&layout=sparse", "layout", "format npy or npz with it"),
+                                      ("layout=sparse", "layout", "format npy or npz with it"),
+                                      ("format=npz&layout=sparse&axes=xyz", "axes", "zyx, or layout dense")):
+            response = self.daemon.post("/v1/voxelize?filename=sample.glb&" + query, self.fixture("sample.glb"))
+            self.assertEqual(response.status, 400, response.body)
+            problem = response.json()
+            self.assertEqual((problem["detail"], problem["expected"]), (name, expected))
+
     def test_points_are_the_centres_and_colours_of_the_npz(self):
         def expected(grid, occupancy, color):
             z, y, x = np.nonzero(occupancy)

@@ -12,7 +12,7 @@ from harness import BIN, ROOT, DaemonTest
 
 BUILD = BIN.resolve().parent
 PROJECT = pathlib.Path(__file__).resolve().parent / "find_package"
-OWN_SYMBOL = re.compile(r"^(typeinfo (name )?for |vtable for |VTT for )?voxeld::client::")
+OWN_SYMBOL = re.compile(r"^(typeinfo (name )?for |vtable for |VTT for )?voxeld::client::|^voxeld_(grid|palette)_")
 
 
 def run(*command, **kw):
@@ -127,6 +127,14 @@ class Install(DaemonTest):
         counted = self.count(build / "count_voxels")
         self.assertGreater(counted[0], 0)
         self.assertEqual(counted, self.counted_by_the_daemon())
+        # The same project makes a mesh of arrays; the daemon writes its grid.
+        printed = run(build / "save_arrays", self.daemon.url, self.dir / "a.vox")
+        self.assertRegex(printed, r"^[1-9]\d+ 255 0 0\n$")
+        self.assertTrue((self.dir / "a.vox").read_bytes().startswith(b"VOX "))
+        failed = subprocess.run([build / "save_arrays", self.daemon.url, self.dir / "a.foo"],
+                                capture_output=True, text=True)
+        self.assertEqual(failed.returncode, 3)
+        self.assertIn("a.foo: expected option format, or one of the extensions .voxg", failed.stderr)
 
     def test_find_package_refuses_other_versions(self):
         for version in ("0.1", "1.0"):
@@ -135,7 +143,8 @@ class Install(DaemonTest):
             text = (PROJECT / "CMakeLists.txt").read_text()
             (project / "CMakeLists.txt").write_text(
                 text.replace("voxeld 0.2 REQUIRED", f"voxeld {version} REQUIRED"))
-            shutil.copy(PROJECT / "main.cpp", project)
+            for source in PROJECT.glob("*.cpp"):
+                shutil.copy(source, project)
             done = subprocess.run(["cmake", "-G", "Ninja", "-S", project, "-B", project / "build",
                                    f"-DCMAKE_PREFIX_PATH={self.prefix}"],
                                   capture_output=True, text=True)
@@ -160,16 +169,22 @@ class Install(DaemonTest):
     def test_the_header_needs_no_other_library(self):
         header = self.installed("client.h")
         self.assertEqual(header.relative_to(self.prefix), pathlib.Path("include/voxeld/client.h"))
-        self.assertEqual([path.name for path in (self.prefix / "include").rglob("*.h*")],
-                         ["client.h"])
-        includes = re.findall(r'#\s*include\s*([<"][^>"]+)', header.read_text())
-        self.assertTrue(includes)
-        for include in includes:
-            self.assertRegex(include, r"^<[a-z_]+$", "only headers of the standard library")
+        self.assertEqual(sorted(path.name for path in (self.prefix / "include").rglob("*.h*")),
+                         ["client.h", "decode.h", "options.h", "palette.h"])
+        for name in ("client.h", "options.h"):
+            includes = re.findall(r'#\s*include\s*([<"][^>"]+)', (header.parent / name).read_text())
+            self.assertTrue(includes)
+            for include in includes:
+                self.assertRegex(include, r'^(<[a-z_]+|"options\.h)$', "only headers of the standard library")
         # It stands alone, and takes the warnings that careful projects turn on.
         (self.dir / "alone.cpp").write_text("#include <voxeld/client.h>\n")
         run("c++", "-std=c++20", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion",
             "-Werror", "-fsyntax-only", "-I", self.prefix / "include", self.dir / "alone.cpp")
+
+    def test_the_decoder_and_the_reader_of_palettes_need_only_c(self):
+        (self.dir / "alone.c").write_text("#include <voxeld/palette.h>\n#include <voxeld/decode.h>\n")
+        run("cc", "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-fsyntax-only",
+            "-I", self.prefix / "include", self.dir / "alone.c")
 
     def test_the_library_shows_only_its_own_names(self):
         library = self.installed("libvoxeld_client.so")
@@ -178,7 +193,8 @@ class Install(DaemonTest):
         foreign = [name for name in names if not OWN_SYMBOL.match(name)]
         self.assertEqual(foreign, [])
         for name in ("voxeld::client::Client::voxelize(", "voxeld::client::Grid::decode(",
-                     "typeinfo for voxeld::client::Error"):
+                     "voxeld::client::Options::set(", "voxeld::client::wait_any(", "voxeld_grid_decode",
+                     "voxeld_palette_read", "typeinfo for voxeld::client::Error"):
             self.assertTrue(any(shown.startswith(name) for shown in names), name)
 
     def test_the_installed_command_line_finds_its_library(self):

@@ -1,4 +1,5 @@
 """Workers are shut in on every device, and what takes too much memory or time ends alone."""
+import json
 import os
 import pathlib
 import re
@@ -88,6 +89,63 @@ class ShutIn(unittest.TestCase):
                 self.assertEqual(daemon.wait(daemon.submit(**request))["state"], "done", request)
         finally:
             daemon.stop()
+
+
+class Drivers(unittest.TestCase):
+    """Devices are probed in the sandbox of the workers that would use them."""
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-driver-")).resolve()
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def probe(self, sandbox, **variables):
+        done = subprocess.run([BIN / "voxeld", "probe-device", "--device", "lavapipe", "--sandbox", sandbox],
+                              capture_output=True, text=True, timeout=120, env={**os.environ, **variables})
+        self.assertEqual(done.returncode, 0, done)
+        return json.loads(done.stdout)
+
+    def test_a_vulkan_driver_outside_of_the_systems_folders_opens(self):
+        manifests = sorted(pathlib.Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
+        if not manifests or "lavapipe" not in DEVICES:
+            self.skipTest("no lavapipe")
+        manifest = json.loads(manifests[0].read_text())
+        library = pathlib.Path(manifest["ICD"]["library_path"])
+        if not library.is_absolute():
+            self.skipTest(f"{manifests[0]} does not say where its library is")
+        (self.folder / "lib").mkdir()
+        shutil.copy(library, self.folder / "lib/libdriver.so")
+        manifest["ICD"]["library_path"] = "./lib/libdriver.so"
+        named = self.folder / "driver.json"
+        named.write_text(json.dumps(manifest))
+        for sandbox in ("off", "require"):
+            with self.subTest(sandbox):
+                found = self.probe(sandbox, VK_DRIVER_FILES=str(named), VK_ICD_FILENAMES=str(named))
+                self.assertTrue(found["works"], found)
+                self.assertIn("zink", found["info"]["renderer"])
+
+    def test_a_driver_that_the_sandbox_keeps_out_is_told_apart_by_doctor(self):
+        # The sandbox opens the folder that the variable names, not the one that a link in it leads to.
+        driver = pathlib.Path("/usr/lib/x86_64-linux-gnu/dri/swrast_dri.so")
+        if not driver.exists():
+            self.skipTest(f"no {driver}")
+        for name in ("named", "elsewhere"):
+            (self.folder / name).mkdir()
+        shutil.copy(driver, self.folder / "elsewhere/swrast_dri.so")
+        (self.folder / "named/swrast_dri.so").symlink_to(self.folder / "elsewhere/swrast_dri.so")
+        done = subprocess.run([BIN / "voxeld", "doctor", "--json"], capture_output=True, text=True, timeout=120,
+                              env={**os.environ, "LIBGL_DRIVERS_PATH": str(self.folder / "named")})
+        found = {device["device"]: device for device in json.loads(done.stdout)["devices"]}["llvmpipe"]
+        self.assertEqual((found["works"], found["is_kept_out"]), (False, True), found)
+        self.assertRegex(found["reason"], "; outside of the sandbox it opens, as llvmpipe.*: the sandbox of workers keeps")
+        self.assertIn("strace -f -Z voxeld probe-device --device llvmpipe", found["hint"])
+        # A worker names the sandbox as a suspect.
+        with tempfile.TemporaryDirectory() as data:
+            done = subprocess.run([BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "none",
+                                   "--data", data, "--device", "llvmpipe"], capture_output=True, text=True,
+                                  timeout=60, env={**os.environ, "LIBGL_DRIVERS_PATH": str(self.folder / "named")})
+        self.assertNotEqual(done.returncode, 0, done)
+        self.assertIn("EGL_NOT_INITIALIZED", done.stderr)
+        self.assertIn("the sandbox may keep a file or system call from the driver", done.stderr)
 
 
 class Caps(DaemonTest):

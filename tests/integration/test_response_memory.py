@@ -55,9 +55,9 @@ class ResponseMemory(DaemonTest):
     def setUpClass(cls):
         super().setUpClass()
         asset = cls.daemon.post("/v1/assets?filename=sparse.ply", sparse_mesh(TILES_PER_SIDE)).json()["id"]
-        job = cls.daemon.submit(kind="voxelize", asset=asset, options={
+        cls.job = cls.daemon.submit(kind="voxelize", asset=asset, options={
             "size": TILES_PER_SIDE * TILE_SIDE, "color": "none", "format": "native"})
-        status = cls.daemon.wait(job, 600)
+        status = cls.daemon.wait(cls.job, 600)
         assert status["state"] == "done", status
         cls.grid = status["result"]["grid"]
         # They never run: what they work on has no animation, and is busy first with a job like it.
@@ -99,7 +99,8 @@ class ResponseMemory(DaemonTest):
         self.assert_bounded([f"/v1/jobs/{job}" for job in self.jobs])
 
     def test_3_tiles_are_bounded(self):
-        self.assert_bounded([f"/v1/grids/{self.grid}/tiles", f"/v1/grids/{self.grid}/tiles/0"])
+        self.assert_bounded([f"/v1/grids/{self.grid}/tiles", f"/v1/grids/{self.grid}/tiles/0",
+                             f"/v1/jobs/{self.job}/tiles"])
 
     def test_4_every_tile_is_listed_once_over_the_pages(self):
         seen, after = [], ""
@@ -117,7 +118,8 @@ class ResponseMemory(DaemonTest):
 
     def test_6_without_memory_requests_fail_and_the_daemon_goes_on(self):
         pid = self.daemon.process.pid
-        paths = [f"/v1/grids/{self.grid}/tiles", "/v1/jobs?limit=1000", f"/v1/jobs/{self.jobs[0]}"]
+        paths = [f"/v1/grids/{self.grid}/tiles", "/v1/jobs?limit=1000", f"/v1/jobs/{self.jobs[0]}",
+                 f"/v1/jobs/{self.job}/tiles"]
         for spare_mb in SPARE_MB:
             limit = int((status_mb(pid, "VmSize") + spare_mb) * (1 << 20))
             before = resource.prlimit(pid, resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))

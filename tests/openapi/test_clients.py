@@ -11,11 +11,11 @@ import unittest
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 sys.path.insert(0, str(ROOT / "tests/integration"))
+import npm_packages  # noqa: E402
 from harness import DaemonTest  # noqa: E402
 
 SPEC = ROOT / "proto/openapi.yaml"
 WORK = pathlib.Path(os.environ.get("VOXELD_OPENAPI_DIR", ROOT / "build/dev/openapi"))
-PACKAGE_FILES = ("package.json", "package-lock.json")
 SOURCES = ("redocly.yaml", "tsconfig.json", "run_job.ts", "typed_options.ts")
 # Nothing is reported to anyone.
 QUIET = {"REDOCLY_TELEMETRY": "off", "REDOCLY_SUPPRESS_UPDATE_NOTICE": "true", "NO_COLOR": "1"}
@@ -31,22 +31,7 @@ def tool(name, *arguments):
 
 
 def install():
-    """Installs the packages of package-lock.json, unless they are there already."""
-    missing = [name for name in ("node", "npm") if shutil.which(name) is None]
-    if missing:
-        raise AssertionError(f"{' and '.join(missing)} missing; Debian: apt-get install nodejs npm")
-    WORK.mkdir(parents=True, exist_ok=True)
-    stamp = WORK / "installed"
-    wanted = "".join((HERE / name).read_text() for name in PACKAGE_FILES)
-    if not stamp.exists() or stamp.read_text() != wanted:
-        for name in PACKAGE_FILES:
-            shutil.copyfile(HERE / name, WORK / name)
-        done = run("npm", "ci", "--prefer-offline", "--ignore-scripts", "--no-audit", "--no-fund",
-                   "--fetch-retries=1", "--fetch-timeout=60000", seconds=600)
-        if done.returncode != 0:
-            raise AssertionError("npm ci failed: the packages of tests/openapi/package-lock.json are neither in npm's "
-                                 "cache nor to be had from its registry:\n" + done.stderr[-2000:])
-        stamp.write_text(wanted)
+    npm_packages.install(HERE, WORK)
     for name in SOURCES:
         shutil.copyfile(HERE / name, WORK / name)
 

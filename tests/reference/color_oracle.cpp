@@ -11,9 +11,9 @@ struct Corner {
   Point p;
   std::array<double, 3> bary;
 };
-using Polygon = std::vector<Corner>;
+using CornerPolygon = std::vector<Corner>;
 
-Corner between(const Corner& a, const Corner& b, double t) {
+Corner corner_between(const Corner& a, const Corner& b, double t) {
   Corner c;
   for (int i = 0; i < 3; ++i) {
     c.p[i] = a.p[i] + t * (b.p[i] - a.p[i]);
@@ -23,20 +23,22 @@ Corner between(const Corner& a, const Corner& b, double t) {
 }
 
 // Keeps the part where sign * (p[axis] - plane) <= 0.
-Polygon clip(const Polygon& polygon, int axis, double plane, double sign) {
-  Polygon out;
+CornerPolygon clip(const CornerPolygon& polygon, int axis, double plane, double sign) {
+  CornerPolygon out;
   for (size_t i = 0; i < polygon.size(); ++i) {
     const Corner& a = polygon[i];
     const Corner& b = polygon[(i + 1) % polygon.size()];
     const double da = sign * (a.p[axis] - plane);
     const double db = sign * (b.p[axis] - plane);
     if (da <= 0) out.push_back(a);
-    if ((da < 0 && db > 0) || (da > 0 && db < 0)) out.push_back(between(a, b, da / (da - db)));
+    if ((da < 0 && db > 0) || (da > 0 && db < 0)) {
+      out.push_back(corner_between(a, b, da / (da - db)));
+    }
   }
   return out;
 }
 
-double area_of(const Point& a, const Point& b, const Point& c) {
+double triangle_area(const Point& a, const Point& b, const Point& c) {
   const Point u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
   const Point v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
   return 0.5 * std::hypot(u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
@@ -55,7 +57,7 @@ void integrate(const Corner& a, const Corner& b, const Corner& c, size_t t, cons
   const double longest = std::max({length_of(a.p, b.p), length_of(b.p, c.p), length_of(c.p, a.p)});
   const int subdivisions =
       std::max(kSubdivisionsMin, static_cast<int>(std::ceil(longest * samples_per_voxel)));
-  const double part = area_of(a.p, b.p, c.p) / (subdivisions * subdivisions);
+  const double part = triangle_area(a.p, b.p, c.p) / (subdivisions * subdivisions);
   if (part <= 0) return;
   for (int i = 0; i < subdivisions; ++i) {
     for (int j = 0; j < 2 * (subdivisions - i) - 1; ++j) {
@@ -81,7 +83,7 @@ std::map<size_t, CellColor> average_colors(const std::vector<Triangle>& triangle
                                            double samples_per_voxel) {
   std::map<size_t, CellColor> cells;
   for (size_t t = 0; t < triangles.size(); ++t) {
-    Polygon whole(3);
+    CornerPolygon whole(3);
     std::array<int, 3> first{}, last{};
     for (int c = 0; c < 3; ++c) {
       double low = 1e300, high = -1e300;
@@ -97,7 +99,7 @@ std::map<size_t, CellColor> average_colors(const std::vector<Triangle>& triangle
     for (int z = first[2]; z <= last[2]; ++z) {
       for (int y = first[1]; y <= last[1]; ++y) {
         for (int x = first[0]; x <= last[0]; ++x) {
-          Polygon part = whole;
+          CornerPolygon part = whole;
           const std::array<int, 3> cell = {x, y, z};
           for (int c = 0; c < 3 && part.size() >= 3; ++c) {
             part = clip(part, c, cell[c], -1);

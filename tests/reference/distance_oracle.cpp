@@ -4,21 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include "tests/reference/long_vector.h"
+
 namespace voxeld::reference {
 namespace {
 
-using Vector = std::array<long double, 3>;
-
-Vector minus(const Vector& a, const Vector& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-long double dot(const Vector& a, const Vector& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 // To the foot of the perpendicular on the side, if that lies within the side.
-std::optional<long double> to_side(const Vector& p, const Vector& a, const Vector& b) {
-  const Vector ab = minus(b, a), ap = minus(p, a);
+std::optional<long double> to_side(const LongVector& p, const LongVector& a, const LongVector& b) {
+  const LongVector ab = minus(b, a), ap = minus(p, a);
   const long double length = dot(ab, ab);
   if (length == 0) return std::nullopt;
   const long double t = dot(ap, ab) / length;
@@ -28,9 +21,9 @@ std::optional<long double> to_side(const Vector& p, const Vector& a, const Vecto
 
 // To the foot on the plane a + s ab + t ac, if that lies within the triangle: s and t solve the
 // normal equations.
-std::optional<long double> to_face(const Vector& p, const Vector& a, const Vector& b,
-                                   const Vector& c) {
-  const Vector ab = minus(b, a), ac = minus(c, a), ap = minus(p, a);
+std::optional<long double> to_face(const LongVector& p, const LongVector& a, const LongVector& b,
+                                   const LongVector& c) {
+  const LongVector ab = minus(b, a), ac = minus(c, a), ap = minus(p, a);
   const long double bb = dot(ab, ab), bc = dot(ab, ac), cc = dot(ac, ac);
   const long double determinant = bb * cc - bc * bc;
   if (determinant == 0) return std::nullopt;
@@ -38,7 +31,7 @@ std::optional<long double> to_face(const Vector& p, const Vector& a, const Vecto
   const long double s = (cc * pb - bc * pc) / determinant;
   const long double t = (bb * pc - bc * pb) / determinant;
   if (s < 0 || t < 0 || s + t > 1) return std::nullopt;
-  Vector away{};
+  LongVector away{};
   for (size_t i = 0; i < 3; ++i) away[i] = ap[i] - s * ab[i] - t * ac[i];
   return dot(away, away);
 }
@@ -46,19 +39,19 @@ std::optional<long double> to_face(const Vector& p, const Vector& a, const Vecto
 }  // namespace
 
 long double surface_distance(const SnappedTriangles& triangles, const std::array<int, 3>& cell) {
-  Vector p{};
+  LongVector p{};
   for (size_t i = 0; i < 3; ++i) p[i] = cell[i] * 512 + 256;
   long double least = std::numeric_limits<long double>::infinity();
   const auto consider = [&](std::optional<long double> squared) {
     if (squared) least = std::min(least, *squared);
   };
   for (const auto& triangle : triangles) {
-    std::array<Vector, 3> v;
+    std::array<LongVector, 3> v;
     for (size_t i = 0; i < 3; ++i) {
       for (size_t c = 0; c < 3; ++c) v[i][c] = static_cast<long double>(triangle[i][c]);
     }
     for (size_t i = 0; i < 3; ++i) {
-      const Vector away = minus(v[i], p);
+      const LongVector away = minus(v[i], p);
       consider(dot(away, away));
       consider(to_side(p, v[i], v[(i + 1) % 3]));
     }

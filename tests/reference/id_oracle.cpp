@@ -6,11 +6,11 @@
 namespace voxeld::reference {
 namespace {
 
-using Polygon = std::vector<Point>;
+using PointPolygon = std::vector<Point>;
 
 // The part of a polygon with side * (p[axis] - plane) >= 0.
-Polygon cut(const Polygon& polygon, int axis, double plane, double side) {
-  Polygon clipped;
+PointPolygon cut(const PointPolygon& polygon, int axis, double plane, double side) {
+  PointPolygon clipped;
   for (size_t i = 0; i < polygon.size(); ++i) {
     const Point& a = polygon[i];
     const Point& b = polygon[i + 1 == polygon.size() ? 0 : i + 1];
@@ -26,7 +26,7 @@ Polygon cut(const Polygon& polygon, int axis, double plane, double side) {
 }
 
 // Half the length of the sum of the cross products of the corners (the polygon is flat).
-double area_of(const Polygon& polygon) {
+double polygon_area(const PointPolygon& polygon) {
   Point sum{};
   for (size_t i = 1; i + 1 < polygon.size(); ++i) {
     Point u, v;
@@ -47,7 +47,7 @@ std::map<size_t, AreaById> areas_by_id(const std::vector<Triangle>& triangles,
                                        const std::vector<int>& ids, const OracleGrid& grid) {
   std::map<size_t, AreaById> cells;
   for (size_t t = 0; t < triangles.size(); ++t) {
-    Polygon whole(3);
+    PointPolygon whole(3);
     std::array<int, 3> first{}, last{};
     for (int c = 0; c < 3; ++c) {
       for (size_t i = 0; i < 3; ++i) {
@@ -62,11 +62,11 @@ std::map<size_t, AreaById> areas_by_id(const std::vector<Triangle>& triangles,
     for (cell[2] = first[2]; cell[2] <= last[2]; ++cell[2]) {
       for (cell[1] = first[1]; cell[1] <= last[1]; ++cell[1]) {
         for (cell[0] = first[0]; cell[0] <= last[0]; ++cell[0]) {
-          Polygon inside = whole;
+          PointPolygon inside = whole;
           for (int c = 0; c < 3; ++c) {
             inside = cut(cut(inside, c, cell[c], 1), c, cell[c] + 1, -1);
           }
-          const double area = area_of(inside);
+          const double area = polygon_area(inside);
           if (area <= 0) continue;
           const auto row = static_cast<size_t>(cell[1]) +
                            static_cast<size_t>(grid.dims[1]) * static_cast<size_t>(cell[2]);

@@ -162,7 +162,7 @@ bool occupies(const Snapped& t, const std::array<int, 3>& cell, Line line) {
   return false;
 }
 
-size_t index_of(const OracleGrid& grid, const std::array<int, 3>& p) {
+size_t cell_index(const OracleGrid& grid, const std::array<int, 3>& p) {
   return static_cast<size_t>(p[0]) +
          static_cast<size_t>(grid.dims[0]) *
              (static_cast<size_t>(p[1]) +
@@ -182,7 +182,7 @@ void add_lines(const Snapped& t, int axis, std::array<int, 3> first, std::array<
         if (k < 0 || k >= grid.dims[z]) continue;
         std::array<int, 3> cell = at;
         cell[z] = static_cast<int>(k);
-        cells[index_of(grid, cell)] = 1;
+        cells[cell_index(grid, cell)] = 1;
       }
     }
   }
@@ -229,9 +229,9 @@ Occupancy center_cells(const std::vector<Triangle>& triangles, const OracleGrid&
 bool is_enclosed(const Occupancy& occupancy, const OracleGrid& grid,
                  const std::array<int, 3>& from) {
   Occupancy seen = occupancy;
-  if (seen[index_of(grid, from)] != 0) std::abort();
+  if (seen[cell_index(grid, from)] != 0) std::abort();
   std::vector<std::array<int, 3>> open = {from};
-  seen[index_of(grid, from)] = 1;
+  seen[cell_index(grid, from)] = 1;
   while (!open.empty()) {
     const std::array<int, 3> at = open.back();
     open.pop_back();
@@ -240,8 +240,8 @@ bool is_enclosed(const Occupancy& occupancy, const OracleGrid& grid,
       for (const int step : {-1, 1}) {
         std::array<int, 3> next = at;
         next[c] += step;
-        if (seen[index_of(grid, next)] != 0) continue;
-        seen[index_of(grid, next)] = 1;
+        if (seen[cell_index(grid, next)] != 0) continue;
+        seen[cell_index(grid, next)] = 1;
         open.push_back(next);
       }
     }

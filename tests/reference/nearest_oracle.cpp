@@ -2,24 +2,17 @@
 
 #include <algorithm>
 
+#include "tests/reference/long_vector.h"
+
 namespace voxeld::reference {
 namespace {
 
-using Vector = std::array<long double, 3>;
 using Weights = std::array<long double, 3>;
-
-Vector minus(const Vector& a, const Vector& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-
-long double dot(const Vector& a, const Vector& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 // The search over a triangle whose corners are relative to the centre.
 class Search {
  public:
-  explicit Search(const std::array<Vector, 3>& corners) : corners_(corners) {}
+  explicit Search(const std::array<LongVector, 3>& corners) : corners_(corners) {}
 
   SurfacePoint run() {
     for (size_t i = 0; i < 3; ++i) {
@@ -34,7 +27,7 @@ class Search {
 
  private:
   void offer(const Weights& weights) {
-    Vector p{};
+    LongVector p{};
     for (size_t i = 0; i < 3; ++i) {
       for (size_t c = 0; c < 3; ++c) p[c] += weights[i] * corners_[i][c];
     }
@@ -46,7 +39,7 @@ class Search {
   }
 
   void try_side(size_t a, size_t b) {
-    const Vector along = minus(corners_[b], corners_[a]);
+    const LongVector along = minus(corners_[b], corners_[a]);
     const long double length = dot(along, along);
     if (length == 0) return;
     const long double t = -dot(corners_[a], along) / length;
@@ -59,7 +52,7 @@ class Search {
 
   // Least squares: the normal equations of v0 + s e1 + t e2.
   void try_face() {
-    const Vector e1 = minus(corners_[1], corners_[0]), e2 = minus(corners_[2], corners_[0]);
+    const LongVector e1 = minus(corners_[1], corners_[0]), e2 = minus(corners_[2], corners_[0]);
     const long double a = dot(e1, e1), b = dot(e1, e2), c = dot(e2, e2);
     const long double det = a * c - b * b;
     if (det <= 0) return;
@@ -69,7 +62,7 @@ class Search {
     offer({1 - s - t, s, t});
   }
 
-  const std::array<Vector, 3>& corners_;
+  const std::array<LongVector, 3>& corners_;
   bool is_first_ = true;
   SurfacePoint best_;
 };
@@ -96,7 +89,7 @@ std::map<size_t, std::vector<SurfacePoint>> points_near_centres(
       for (cell[1] = first[1]; cell[1] <= last[1]; ++cell[1]) {
         for (cell[0] = first[0]; cell[0] <= last[0]; ++cell[0]) {
           if (!touches(snapped, cell)) continue;
-          std::array<Vector, 3> corners;
+          std::array<LongVector, 3> corners;
           for (size_t i = 0; i < 3; ++i) {
             for (size_t c = 0; c < 3; ++c) {
               corners[i][c] = static_cast<long double>(snapped[i][c]) / 512 - cell[c] - 0.5L;

@@ -9,7 +9,7 @@ namespace {
 
 __extension__ using Wide = __int128;
 
-constexpr int64_t kCell = 512;
+constexpr int64_t kCellSide = 512;  // units of 1/512 voxel
 
 size_t index_of(const OracleGrid& grid, const std::array<int, 3>& cell) {
   return cell[0] + static_cast<size_t>(grid.dims[0]) *
@@ -44,8 +44,9 @@ int crossing_below(const std::array<std::array<int64_t, 3>, 3>& triangle,
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
   std::array<std::array<Wide, 2>, 3> flat;
   for (size_t i = 0; i < 3; ++i) flat[i] = {triangle[i][u], triangle[i][v]};
-  const std::array<Wide, 3> centre = {cell[0] * kCell + kCell / 2, cell[1] * kCell + kCell / 2,
-                                      cell[2] * kCell + kCell / 2};
+  const std::array<Wide, 3> centre = {cell[0] * kCellSide + kCellSide / 2,
+                                      cell[1] * kCellSide + kCellSide / 2,
+                                      cell[2] * kCellSide + kCellSide / 2};
   const std::array<Wide, 2> p = {centre[u], centre[v]};
   const int first = side_of(flat[0], flat[1], p);
   if (first == 0 || side_of(flat[1], flat[2], p) != first ||
@@ -171,7 +172,8 @@ long double winding_number(const SnappedTriangles& triangles, const std::array<i
     std::array<long double, 3> length{};
     for (size_t i = 0; i < 3; ++i) {
       for (size_t c = 0; c < 3; ++c) {
-        p[i][c] = static_cast<long double>(triangle[i][c] - cell[c] * kCell - kCell / 2) / kCell;
+        p[i][c] = static_cast<long double>(triangle[i][c] - cell[c] * kCellSide - kCellSide / 2) /
+                  kCellSide;
       }
       length[i] = std::sqrt(dot(p[i], p[i]));
     }

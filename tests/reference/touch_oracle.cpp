@@ -8,32 +8,33 @@ namespace voxeld::reference {
 namespace {
 
 using Wide = __int128;
-using Vector = std::array<Wide, 3>;
+using WideVector = std::array<Wide, 3>;
 
 constexpr int64_t kCell = 512;  // units of 1/512 voxel
 
-Vector cross(const Vector& a, const Vector& b) {
+WideVector wide_cross(const WideVector& a, const WideVector& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-Wide dot(const Vector& a, const Vector& b) {
+Wide wide_dot(const WideVector& a, const WideVector& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 // True when the projections of the three vertices and of the eight corners have no common point.
-bool separates(const Vector& axis, const std::array<Vector, 3>& triangle, const Vector& corner) {
-  Wide triangle_min = dot(axis, triangle[0]), triangle_max = triangle_min;
+bool separates(const WideVector& axis, const std::array<WideVector, 3>& triangle,
+               const WideVector& corner) {
+  Wide triangle_min = wide_dot(axis, triangle[0]), triangle_max = triangle_min;
   for (int i = 1; i < 3; ++i) {
-    const Wide d = dot(axis, triangle[i]);
+    const Wide d = wide_dot(axis, triangle[i]);
     triangle_min = std::min(triangle_min, d);
     triangle_max = std::max(triangle_max, d);
   }
   Wide cube_min = 0, cube_max = 0;
   for (int i = 0; i < 8; ++i) {
-    const Vector p = {corner[0] + ((i & 1) != 0 ? kCell : 0),
-                      corner[1] + ((i & 2) != 0 ? kCell : 0),
-                      corner[2] + ((i & 4) != 0 ? kCell : 0)};
-    const Wide d = dot(axis, p);
+    const WideVector p = {corner[0] + ((i & 1) != 0 ? kCell : 0),
+                          corner[1] + ((i & 2) != 0 ? kCell : 0),
+                          corner[2] + ((i & 4) != 0 ? kCell : 0)};
+    const Wide d = wide_dot(axis, p);
     cube_min = i == 0 ? d : std::min(cube_min, d);
     cube_max = i == 0 ? d : std::max(cube_max, d);
   }
@@ -50,23 +51,24 @@ int64_t snap_512(double p_grid, int dim) {
 
 bool touches(const std::array<std::array<int64_t, 3>, 3>& triangle_512,
              const std::array<int, 3>& cell) {
-  std::array<Vector, 3> triangle;
+  std::array<WideVector, 3> triangle;
   for (int i = 0; i < 3; ++i) {
     triangle[i] = {triangle_512[i][0], triangle_512[i][1], triangle_512[i][2]};
   }
-  const Vector corner = {Wide{cell[0]} * kCell, Wide{cell[1]} * kCell, Wide{cell[2]} * kCell};
-  std::array<Vector, 3> edges;
+  const WideVector corner = {Wide{cell[0]} * kCell, Wide{cell[1]} * kCell, Wide{cell[2]} * kCell};
+  std::array<WideVector, 3> edges;
   for (int i = 0; i < 3; ++i) {
     for (int c = 0; c < 3; ++c) edges[i][c] = triangle[(i + 1) % 3][c] - triangle[i][c];
   }
-  const std::array<Vector, 3> unit = {Vector{1, 0, 0}, Vector{0, 1, 0}, Vector{0, 0, 1}};
-  for (const Vector& axis : unit) {
+  const std::array<WideVector, 3> unit = {WideVector{1, 0, 0}, WideVector{0, 1, 0},
+                                          WideVector{0, 0, 1}};
+  for (const WideVector& axis : unit) {
     if (separates(axis, triangle, corner)) return false;
   }
-  if (separates(cross(edges[0], edges[1]), triangle, corner)) return false;
-  for (const Vector& edge : edges) {
-    for (const Vector& axis : unit) {
-      if (separates(cross(edge, axis), triangle, corner)) return false;
+  if (separates(wide_cross(edges[0], edges[1]), triangle, corner)) return false;
+  for (const WideVector& edge : edges) {
+    for (const WideVector& axis : unit) {
+      if (separates(wide_cross(edge, axis), triangle, corner)) return false;
     }
   }
   return true;

@@ -26,7 +26,7 @@ def voxel(*folders, gpu=False):
     """Folders of server/voxel, with what all of them may include."""
     return ({"server/voxel/" + folder for folder in folders}
             | {"server/scene/core", "server/grid", "server/base", "proto", "shaders"}
-            | ({"server/gpu"} if gpu else set()))
+            | ({"server/gpu", "server/device"} if gpu else set()))
 
 
 VOXEL_INTERFACES = {"server/voxel" + folder for folder in (
@@ -37,7 +37,9 @@ def worker(*folders, gl=False):
     """Folders of server/worker, with what all of them may include."""
     return ({"server/worker/" + folder for folder in folders}
             | {"server/scene", "server/scene/core", "server/render", "server/formats",
-               "server/grid", "server/gpu", "server/process", "server/base", "proto"}
+               "server/volumes",
+               "server/grid", "server/device", "server/gpu", "server/process", "server/base",
+               "proto"}
             | VOXEL_INTERFACES | ({"server/voxel/gl"} if gl else set()))
 
 
@@ -46,6 +48,7 @@ ARROWS = {
     # Folders of the contract, from the lowest up. Others may include all of them.
     "proto": {"proto"},
     "proto/options": {"proto/options", "proto"},
+    "proto/palette_files": {"proto/palette_files", "proto"},
     "proto/codec": {"proto/codec", "proto"},
     "proto/container": {"proto/container", "proto/codec", "proto/options", "proto"},
     "proto/messages": {"proto/messages", "proto/container", "proto/options", "proto"},
@@ -62,9 +65,12 @@ ARROWS = {
     "server/scene/off": scene("off"),
     "server/scene/ply": scene("ply", "images"),
     "server/scene/stl": scene("stl"),
-    "server/scene": scene("images", "gltf", "md5", "obj", "off", "ply", "stl") | {"server/scene"},
+    "server/scene/threemf": scene("threemf", "images"),
+    "server/scene": scene("images", "gltf", "md5", "obj", "off", "ply", "stl", "threemf") | {"server/scene"},
     "server/store": {"server/store", "server/base", "proto"},
-    "server/gpu": {"server/gpu", "server/process", "server/base", "proto", "shaders"},
+    "server/device": {"server/device", "server/process", "server/base", "proto"},
+    "server/gpu": {"server/gpu", "server/device", "server/process", "server/base", "proto", "shaders"},
+    "server/volumes": {"server/volumes", "server/grid", "server/base", "proto"},
     "server/formats": {"server/formats", "server/grid", "server/base", "proto"},
     # Folders of voxelization, from the lowest up.
     "server/voxel/triangles": voxel("triangles"),
@@ -120,7 +126,7 @@ ARROWS = {
     "server/api": {"server/api", "server/http", "server/http/message", "server/process",
                    "server/store"} | jobs("auth", "model", "service"),
     "server": {"server", "server/api", "server/http", "server/http/message", "server/process",
-               "server/worker", "server/worker/device", "server/gpu", "server/store"}
+               "server/worker", "server/worker/device", "server/device", "server/store"}
               | jobs("auth", "database", "model", "retention", "service"),
     "shaders": {"shaders"},
 }
@@ -134,7 +140,7 @@ ONLY_IN = {
     "curl/curl.h": {"client"},
     "httplib.h": {"server/api"},
     "zip.h": {"server/scene/core", "client"},
-    "zstd.h": {"proto/codec", "server/http/message"},
+    "zstd.h": {"proto/codec", "server/formats", "server/http/message"},
     "gif_lib.h": {"server/scene/images", "server/render"},
     "png.h": {"server/scene/images", "server/render"},
     "jpeglib.h": {"server/scene/images"},

@@ -30,7 +30,9 @@ void run_formats(const Arguments& arguments) {
       written.push_back(std::string(format.sequence_extension));
     }
   }
-  const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "md5mesh", "zip"}},
+  const Json object = {{"read",
+                        {"obj", "ply", "stl", "off", "gltf", "glb", "md5mesh", "3mf", "zip", "voxg",
+                         "vox", "binvox", "npy", "nrrd"}},
                        {"write", written},
                        {"image", {".png", ".gif", ".apng"}}};
   if (arguments.json) {
@@ -38,12 +40,25 @@ void run_formats(const Arguments& arguments) {
     return;
   }
   std::printf(
-      "reads   .obj with .mtl and textures, .ply, .stl, .off, .gltf, .glb, .md5mesh, .zip of one;\n"
-      "        animations of .gltf, .glb and, with .md5anim, .md5mesh\n"
+      "reads   .obj with .mtl and textures, .ply, .stl, .off, .gltf, .glb, .md5mesh, .3mf, .zip of "
+      "one;\n"
+      "        animations of .gltf, .glb and, with .md5anim, .md5mesh;\n"
+      "        voxels of .voxg, .vox, .binvox, .npy, .nrrd\n"
       "writes  .npy  dense array; of an animation with a frame axis\n"
       "        .npz  dense arrays with origin and voxel size; likewise\n"
       "        .vox  MagicaVoxel; of an animation animated\n"
       "        .xyz  points as text; of an animation a .zip of one file each\n"
+      "        .glb, .ply, .obj  meshes of the voxels' faces; likewise\n"
+      "        .vti, .nrrd, .mha, .nii.gz  volumes with origin and voxel size; likewise\n"
+      "        .binvox  dense occupancy in a cube; likewise\n"
+      "        .csv, .pcd  points with all channels; likewise\n"
+      "        .qb   Qubicle; likewise\n"
+      "        .schem, .litematic, .nbt  blocks of Minecraft; likewise\n"
+      "        .zarr.zip  Zarr store with levels of detail; of an animation with a frame axis\n"
+      "        .vdb  OpenVDB; of an animation a .zip of one file each\n"
+      "        .bt, .ldr  OctoMap, LDraw bricks; likewise\n"
+      "        .vtu, .inp  a hexahedron for each voxel, for VTK, Abaqus and CalculiX; likewise\n"
+      "        .ktx2, .raw.zip, .slices.zip  3D texture, bare array, images of slices; likewise\n"
       "        .voxg voxeld's sparse container\n"
       "        .voxs the same of an animation's frames\n"
       "        .png  image (voxel render); .gif, .apng of an animation or a turntable\n");

@@ -162,8 +162,9 @@ std::string man_page(const CLI::App& app) {
   }
   page +=
       ".SH DESCRIPTION\nMakes a voxel grid of a mesh, by a voxeld server. The extension of the "
-      "output's name\nchooses the format: .npy, .npz, .vox, .xyz or .voxg. Data goes to files "
-      "or stdout,\neverything else to stderr.\n.SH OPTIONS\n";
+      "output's name\nchooses the format; voxel formats lists them. Data goes to files or stdout, "
+      "everything else to stderr.\n"
+      ".SH OPTIONS\n";
   add_man_options(app, page);
   page += ".SH COMMANDS\n";
   for (const CLI::App* command : subcommands_of(app)) {

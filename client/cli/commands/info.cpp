@@ -1,5 +1,6 @@
 #include "client/cli/commands/info.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -197,12 +198,22 @@ void print_mesh(const Json& mesh, const std::string& asset) {
   };
   Table table("ll");
   table.add({"format", mesh.value("format", "")});
-  table.add({"triangles", count_text(count("triangles"))});
+  const Json voxels = mesh.value("voxels", Json());
+  if (voxels.is_object()) {
+    std::string dims;
+    for (const Json& side : voxels["dims"]) {
+      dims += (dims.empty() ? "" : " x ") + count_text(side.get<std::int64_t>());
+    }
+    table.add({"cells", dims});
+    table.add({"voxels", count_text(voxels.value("voxel_count", std::int64_t{0}))});
+  } else {
+    table.add({"triangles", count_text(count("triangles"))});
+  }
   if (count("vertices") > 0) table.add({"vertices", count_text(count("vertices"))});
   if (const Json bounds = mesh.value("bounds", Json()); bounds.is_object()) {
     table.add({"bounds", bounds_text(bounds)});
   }
-  table.add({"surface", surface_text(mesh)});
+  if (!voxels.is_object()) table.add({"surface", surface_text(mesh)});
   if (count("components") > 0) table.add({"components", count_text(count("components"))});
   table.add({"colours", mesh.value("has_colors", false) ? "yes" : "no"});
   if (count("material_count") > 0) {

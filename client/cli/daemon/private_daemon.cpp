@@ -46,8 +46,10 @@ class Fd {
   explicit Fd(int fd) : fd_(fd) {}
   Fd(Fd&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   Fd& operator=(Fd&&) = delete;
-  ~Fd() {
+  ~Fd() { close(); }
+  void close() {
     if (fd_ >= 0) ::close(fd_);
+    fd_ = -1;
   }
   int get() const { return fd_; }
   bool valid() const { return fd_ >= 0; }
@@ -285,11 +287,11 @@ void make_key(const fs::path& program, const fs::path& folder) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw file_error(folder);
   const Fd reading(ends[0]);
-  std::optional<Fd> writing(Fd{ends[1]});
+  Fd writing(ends[1]);
   const Fd log = open_log(folder);
   const pid_t pid = Spawn().run(program, {"keys", "add", kTenant, "--data", folder.string()},
-                                writing->get(), log.get());
-  writing.reset();
+                                writing.get(), log.get());
+  writing.close();
   const std::string key = read_text(reading.get());
   int status = 0;
   while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {

@@ -1,14 +1,14 @@
 // libvoxeld_client: a client of the voxeld daemon. C++20; this header needs no HTTP or JSON
 // library.
 //
-//   voxeld::client::Client client("http://127.0.0.1:8080");
-//   voxeld::client::Options options;
-//   options.set("size", "256");
-//   auto grid = client.voxelize(voxeld::client::Source::file("bunny.ply"), options);
-//   grid.for_each([](const voxeld::client::Voxel& voxel) { ... });
+//   using namespace voxeld::client;
+//   Client client("http://127.0.0.1:8080");
+//   Grid grid = client.voxelize(Source::file("bunny.ply"), Options().size(256).fill(Fill::kSolid));
+//   grid.for_each([](const Voxel& voxel) { ... });
+//   grid.save("bunny.vox", Options().palette(16));
 //
-// Every failure is a voxeld::client::Error. A Client may be used by one thread at a time; several
-// Clients are independent. Jobs keep working when the Client that made them is gone.
+// Every failure is an Error. A Client may be used by one thread at a time; several Clients are
+// independent. The daemon goes on with a job when the Client that submitted it is gone.
 #pragma once
 
 #include <array>
@@ -24,17 +24,19 @@
 #include <stop_token>
 #include <string>
 #include <string_view>
-#include <utility>
+#include <variant>
 #include <vector>
 
-#define VOXELD_CLIENT_API __attribute__((visibility("default")))
+#include "options.h"
 
 namespace voxeld::client {
 
 // A failure. code() is the stable name of the API ("invalid-option", "grid-too-large", …), or one
 // of the client's own: "unreachable" (no connection), "timeout", "interrupted" (stopped by the
 // caller), "bad-response" (not a voxeld daemon), "content-mismatch" (the bytes of a download do not
-// match its content id), "file" (a local file).
+// match its content id), "file" (a local file, or arrays that are no mesh). what() is the whole
+// text, "size: expected an integer from 1 to 16384, got 0": it needs neither code() nor expected()
+// and got() beside it.
 class VOXELD_CLIENT_API Error : public std::runtime_error {
  public:
   Error(std::string code, int http_status, const std::string& message, std::string expected = "",
@@ -64,17 +66,12 @@ struct Settings {
   int retries = 3;
 };
 
-// Names and values as in the API: set("size", "256"), and for a job set("priority", "20") and
-// set("deadline_ms", "60000"). The daemon checks them.
-class VOXELD_CLIENT_API Options {
- public:
-  Options& set(std::string name, std::string value);
-  bool has(std::string_view name) const;
-  const std::vector<std::pair<std::string, std::string>>& pairs() const { return pairs_; }
+class ClientImpl;
 
- private:
-  std::vector<std::pair<std::string, std::string>> pairs_;
-};
+// Arrays of Source::mesh(): of std::vector, std::array, std::span and the like.
+using MeshVertices = std::variant<std::span<const float>, std::span<const double>>;
+using MeshIndices = std::variant<std::span<const std::uint32_t>, std::span<const std::int32_t>>;
+using MeshColors = std::variant<std::span<const std::uint8_t>, std::span<const float>>;
 
 // A source of a mesh's bytes. Files and streams are sent piece by piece.
 class VOXELD_CLIENT_API Source {
@@ -86,6 +83,15 @@ class VOXELD_CLIENT_API Source {
   // `read` fills the buffer and returns the number of bytes; 0 at the end. A stream can be read
   // only once.
   static Source stream(std::function<size_t(std::span<std::byte>)> read, std::string filename);
+  // A mesh in arrays, which are copied into a binary PLY.
+  //   vertices  x, y, z of each
+  //   triangles three vertices of each, counted from 0
+  //   colors    empty, or sRGB R, G, B or R, G, B, A of each vertex: bytes, or floats from 0 to 1
+  //   normals   empty, or x, y, z of each vertex
+  // Throws Error "file" for an array that has another length, and for a vertex or a colour out of
+  // range.
+  static Source mesh(const MeshVertices& vertices, const MeshIndices& triangles,
+                     const MeshColors& colors = {}, std::span<const float> normals = {});
 
   const std::string& filename() const { return filename_; }
 
@@ -111,6 +117,15 @@ struct Voxel {
   std::uint8_t coverage = 0;              // 255: the whole voxel is covered
 };
 
+struct Progress {
+  std::string stage;                 // "hash", "upload", "queued", "parse", "voxelize", …
+  std::int64_t done = 0, total = 0;  // total 0: unknown
+  std::string unit = "bytes";        // the unit of done and total: "bytes", "tiles" or "frames"
+};
+// Return false to stop: Error "interrupted" is thrown. A call that submitted the job itself also
+// cancels it.
+using ProgressCallback = std::function<bool(const Progress&)>;
+
 // A sparse grid, decoded. Cell (x,y,z) covers origin + voxel_size * [x,x+1) x [y,y+1) x [z,z+1).
 class VOXELD_CLIENT_API Grid {
  public:
@@ -129,6 +144,9 @@ class VOXELD_CLIENT_API Grid {
   // The grid's channels, of "color", "normal", "material", "label", "distance", "coverage".
   std::vector<std::string_view> channels() const;
   const std::string& meta_json() const;
+  // The id of the daemon's grid, for Input::of_grid(); empty if the grid is not from the daemon, or
+  // a part of one (Client::tiles).
+  const std::string& id() const;
 
   bool occupied(int x, int y, int z) const;
   // nullopt if the cell is empty, or if the grid or this voxel (the inside of a solid) has no
@@ -145,7 +163,18 @@ class VOXELD_CLIENT_API Grid {
   // One byte per cell, x fastest, 1 = occupied: dims[0]*dims[1]*dims[2] bytes.
   std::vector<std::uint8_t> dense() const;
 
+  // Writes a file, in the format of options or else of its extension (".vox", ".nii.gz"). A file
+  // that exists is replaced when the new one is complete. The native container is written here;
+  // for all else the daemon converts the grid of id(), over a connection of its own. Throws Error
+  // "file" if there is no such grid or no such extension, and what Client::wait() throws.
+  void save(const std::filesystem::path& path, const Options& options = {},
+            const ProgressCallback& progress = {}, const std::stop_token& stop = {}) const;
+  void save(const std::filesystem::path& path, Format format) const {
+    save(path, Options().format(format));
+  }
+
  private:
+  friend class ClientImpl;
   friend class Sequence;
   struct Impl;
   explicit Grid(std::unique_ptr<Impl> impl);
@@ -181,14 +210,6 @@ class VOXELD_CLIENT_API Sequence {
   void check_frame(std::size_t index) const;
   std::unique_ptr<Impl> impl_;
 };
-
-struct Progress {
-  std::string stage;                 // "hash", "upload", "queued", "parse", "voxelize", …
-  std::int64_t done = 0, total = 0;  // total 0: unknown
-  std::string unit = "bytes";        // the unit of done and total: "bytes", "tiles" or "frames"
-};
-// Return false to stop: the job is cancelled and Error "interrupted" thrown.
-using ProgressCallback = std::function<bool(const Progress&)>;
 
 struct JobInfo {
   std::string id, kind, state;  // state: queued, running, done, failed, cancelled
@@ -238,6 +259,10 @@ struct JobFrames {
   std::vector<FrameInfo> frames;
 };
 
+// Receives finished tiles of a grid, as a grid of the whole placement in which other tiles are
+// empty. Return false to receive no more.
+using TilesCallback = std::function<bool(Grid tiles)>;
+
 // The input of a job: exactly one of the three is set.
 struct Input {
   std::string asset;     // as returned by upload() or bundle()
@@ -262,7 +287,55 @@ struct Link {
   std::int64_t expires_ms = 0;  // Unix time
 };
 
-class ClientImpl;
+// A job that was submitted. Its calls use the connection of the Client that made it: one thread at
+// a time may use that Client and its Jobs. Only calls that wait block, so one thread can follow
+// many jobs, by poll() or wait_any(). A Job that is destroyed leaves the job to the daemon.
+//
+//   std::vector<Job> jobs;
+//   for (const auto& path : paths) jobs.push_back(client.start(Source::file(path), options));
+//   while (!jobs.empty()) {
+//     const auto first = jobs.begin() + static_cast<std::ptrdiff_t>(*wait_any(jobs));
+//     use(first->grid());
+//     jobs.erase(first);
+//   }
+class VOXELD_CLIENT_API Job {
+ public:
+  const std::string& id() const { return info_.id; }
+  // The state that the last of the calls below got from the daemon.
+  const JobInfo& info() const { return info_; }
+
+  // Gets the state. Returns whether the job has ended: it is done, failed or cancelled.
+  bool poll();
+  // Waits for at most this time. Returns whether the job has ended.
+  bool wait_for(std::chrono::milliseconds time, const std::stop_token& stop = {});
+  // Waits until the job has ended. Throws the job's error if it failed, and "cancelled" if it was
+  // cancelled. Stopping the wait leaves the job running.
+  const JobInfo& wait(const ProgressCallback& progress = {}, const std::stop_token& stop = {});
+  // Cancels the job, unless it has ended.
+  void cancel();
+
+  // The result. These wait for it and throw as wait() does.
+  // If the job wrote another format, grid() and sequence() return that from which it was written.
+  // They throw Error "conflict" if the job made none.
+  Grid grid(const ProgressCallback& progress = {}, const std::stop_token& stop = {});
+  Sequence sequence(const ProgressCallback& progress = {}, const std::stop_token& stop = {});
+  // The bytes of the result in the format of the job's options.
+  void download(const Sink& sink, const ProgressCallback& progress = {},
+                const std::stop_token& stop = {});
+
+ private:
+  friend class Client;
+  Job(std::shared_ptr<ClientImpl> client, JobInfo info);
+  std::shared_ptr<ClientImpl> client_;
+  JobInfo info_;
+};
+
+// Waits until one of the jobs has ended, for at most `time`; without one, as long as it takes.
+// Returns the number of the first that has; nullopt if none has. It asks for the state of each up
+// to 20 times a second at first, and every half second later.
+VOXELD_CLIENT_API std::optional<std::size_t> wait_any(
+    std::span<Job> jobs, std::optional<std::chrono::milliseconds> time = {},
+    const std::stop_token& stop = {});
 
 // One daemon. Progress callbacks run on the calling thread.
 class VOXELD_CLIENT_API Client {
@@ -287,6 +360,15 @@ class VOXELD_CLIENT_API Client {
   JobInfo render_to(const Source& source, const Options& options, const Sink& sink,
                     const ProgressCallback& progress = {}, const std::stop_token& stop = {});
 
+  // --- jobs that run while the caller does something else
+  // Uploads a mesh and submits its voxelization; does not wait for it.
+  Job start(const Source& source, const Options& options, const ProgressCallback& upload = {},
+            const std::stop_token& stop = {});
+  // The same for any kind of job: see submit().
+  Job start(std::string_view kind, const Input& input, const Options& options);
+  // A job that was submitted before, perhaps by another program. Throws Error "not-found".
+  Job attach(std::string_view id);
+
   // --- single steps
   // Uploads a mesh; returns the asset's id. A file or memory of 64 KiB and more is hashed first,
   // and not sent if the daemon has it.
@@ -310,6 +392,10 @@ class VOXELD_CLIENT_API Client {
   JobFrames frames(std::string_view job);
   // One of these frames. Throws Error "not-found" if it is not finished yet.
   Grid frame(std::string_view job, std::int64_t index);
+  // Passes the tiles of a job's grid to `take` as they are finished, until it has all of them or
+  // returns false; the job goes on. Solids and short jobs have their tiles at the end. Throws the
+  // job's error if it failed, and "conflict" for a job that does not make one grid.
+  void tiles(std::string_view job, const TilesCallback& take, const std::stop_token& stop = {});
   std::vector<JobInfo> jobs(int limit = 100);
   // At most `limit` jobs of the queue, running ones first; an admin's key shows all tenants'.
   Queue queue(int limit = 100);
@@ -318,6 +404,9 @@ class VOXELD_CLIENT_API Client {
   // bytes do not match the daemon's hash; the sink then has all of them.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
+  // A stored grid. Throws Error "not-found", or "gone" if it was deleted.
+  Grid grid(std::string_view id, const ProgressCallback& progress = {},
+            const std::stop_token& stop = {});
   // Deletes the item of this id, so its bytes no longer count: the result of a job, otherwise the
   // asset, grid or sequence. Returns which: "result", "asset", "grid" or "sequence". Throws
   // "not-found"; "gone" if it was deleted already; "conflict" for a job that has not ended, and for
@@ -333,7 +422,7 @@ class VOXELD_CLIENT_API Client {
   std::string whoami_json();
 
  private:
-  std::unique_ptr<ClientImpl> impl_;
+  std::shared_ptr<ClientImpl> impl_;
 };
 
 }  // namespace voxeld::client

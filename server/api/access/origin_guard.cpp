@@ -16,7 +16,7 @@ constexpr std::string_view kExposedHeaders =
     "Accept-Ranges, Cache-Status, Content-Disposition, Content-Range, ETag, Location, "
     "Preference-Applied, RateLimit, RateLimit-Policy, Retry-After, Server-Timing, traceresponse, "
     "X-Request-Id, X-Voxeld-Content-Hash, X-Voxeld-Device, X-Voxeld-Grid, X-Voxeld-Job, "
-    "X-Voxeld-Meta, X-Voxeld-Pipeline, X-Voxeld-Sequence, X-Voxeld-Warnings";
+    "X-Voxeld-Meta, X-Voxeld-Next, X-Voxeld-Pipeline, X-Voxeld-Sequence, X-Voxeld-Warnings";
 
 std::string quoted(std::string_view text) {
   return "\"" + header_safe(text.substr(0, kGotBytesMax)) + "\"";
@@ -31,6 +31,11 @@ bool is_own(const Origin& origin, const Authority& own) {
 bool is_preflight(const Head& head) {
   return head.method == "OPTIONS" && !head.header("Origin").empty() &&
          !head.header("Access-Control-Request-Method").empty();
+}
+
+// Paths of the web page, which any page may link to.
+bool is_of_page(std::string_view path) {
+  return path == "/" || path == "/admin" || path.starts_with("/web/");
 }
 
 Error foreign_page(std::string_view header, std::string_view value) {
@@ -70,7 +75,7 @@ Status OriginGuard::check(const Head& head, bool is_open) const {
                  "as Host localhost, a loopback address or a name of --public-host",
                  quoted(head.header("Host"))};
   }
-  if (head.path == "/") return {};
+  if (is_of_page(head.path)) return {};
   const auto sent = head.headers.find("Origin");
   if (sent != head.headers.end()) {
     if (!is_open && !is_preflight(head)) return {};  // the page may not read the response

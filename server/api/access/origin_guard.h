@@ -36,7 +36,8 @@ class OriginGuard {
 
   // `is_open`: no API key is needed. Errors: forbidden, for a Host that is not the daemon's, for an
   // Origin that is neither the daemon's own nor allowed, and for Sec-Fetch-Site: cross-site; with
-  // keys for the preflight of an Origin that is not allowed alone. "/" takes links of any page.
+  // keys for the preflight of an Origin that is not allowed alone. The web page ("/", "/admin",
+  // "/web/") accepts links from any page.
   Status check(const Head& head, bool is_open) const;
   // The response to the preflight of an allowed origin, which has no key; nullopt for others.
   std::optional<Response> preflight(const Head& head) const;

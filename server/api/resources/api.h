@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -21,6 +22,8 @@ struct Api {
   std::atomic<int> event_streams{0};
   // The server drains: event streams end, and long polls return at once.
   std::atomic<bool> stopping{false};
+  // Files of the page instead of those embedded; empty: those.
+  std::filesystem::path web_dir{};
 };
 
 // The problem of `error` for this request.

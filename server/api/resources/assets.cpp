@@ -89,7 +89,7 @@ Response described_response(const Request& request, Api& api, const std::string&
 }  // namespace
 
 Reply post_asset(Request& request, Api& api) {
-  return receive_upload(request, api, [](Request&, const Upload& upload) {
+  return receive_upload(request, api, Durability::kNow, [](Request&, const Upload& upload) {
     const Asset& asset = upload.asset;
     Response response = Response::json(asset.existed ? 200 : 201, text_of(asset_json(asset)));
     response.headers["Location"] = "/v1/assets/" + asset.id;

@@ -1,4 +1,5 @@
-// /v1/grids/{id}: the native container, its tiles, exports and previews.
+// /v1/grids/{id}: the native container, its tiles, exports, previews and Zarr stores.
+#include <algorithm>
 #include <functional>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "server/api/resources/job_wait.h"
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
+#include "server/api/resources/zarr_member.h"
 #include "server/base/file.h"
 #include "server/http/file_response.h"
 
@@ -147,7 +149,68 @@ Response tile_response(const Request& request, const StoredBlob& blob) {
   return std::move(response).value();
 }
 
+// Keys of a store: the longest is "labels/material/13/c/16383/255/255/255/0".
+constexpr size_t kZarrKeyBytesMax = 64;
+
+bool may_be_zarr_key(std::string_view key) {
+  const auto is_known = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '.' || c == '/';
+  };
+  return key.size() <= kZarrKeyBytesMax && std::ranges::all_of(key, is_known);
+}
+
+Response zarr_response(const Request& request, const StoredBlob& store) {
+  const std::string& key = request.path_parameters[1];
+  const auto find = [&]() -> Result<ZipMember> {
+    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(store.path));
+    return find_zip_member(file.bytes(), key);
+  };
+  const auto member = find();
+  if (!member) return problem(request, member.error());
+  auto response = http::file_response(
+      request.head,
+      {store.path, static_cast<int64_t>(member->offset), static_cast<int64_t>(member->bytes)},
+      "\"" + store.id + "/" + key + "\"");
+  if (!response) return problem(request, response.error());
+  if (response->status < 300) {
+    const size_t name = key.rfind('/') + 1;  // 0 if there is none
+    const bool is_document = key.compare(name, 2, ".z") == 0 || key.substr(name) == "zarr.json";
+    response->headers["Content-Type"] =
+        is_document ? "application/json" : "application/octet-stream";
+  }
+  return std::move(response).value();
+}
+
+// A key of the grid's Zarr store, which a worker makes once, as any export of the grid.
+Reply zarr_reply(Request& request, Api& api, std::string_view version) {
+  const std::string& grid = request.path_parameters[0];
+  if (const auto blob = api.jobs.get_grid(request.caller, grid); !blob) {
+    return problem(request, blob.error());
+  }
+  const std::string& key = request.path_parameters[1];
+  if (!may_be_zarr_key(key)) {
+    return problem(
+        request, {ErrorCode::kNotFound, "no key of a Zarr store",
+                  "at most " + std::to_string(kZarrKeyBytesMax) + " of a to z, 0 to 9, '.' and '/'",
+                  echoed(key)});
+  }
+  request.head.query = {{"format", "zarr"}, {"zarr_version", std::string(version)}};
+  const auto job = request_on_grid(request, grid, JobKind::kExport);
+  if (!job) return problem(request, job.error());
+  return run_transient(request, api, *job, [&api](Request& asking, const JobStatus& status) {
+    return with_result(asking, api, status, zarr_response);
+  });
+}
+
 }  // namespace
+
+Reply get_zarr(Request& request, Api& api) {
+  return zarr_reply(request, api, "3");
+}
+
+Reply get_zarr2(Request& request, Api& api) {
+  return zarr_reply(request, api, "2");
+}
 
 Reply get_tiles(Request& request, Api& api) {
   auto page = requested_page(request, kTileLimits);
@@ -171,7 +234,9 @@ Reply grid_response(Request& request, Api& api, const std::string& grid) {
   if (!blob) return problem(request, blob.error());
   auto format = requested_format(request, format_media_type, format_media_type(Format::kNative));
   if (!format) return problem(request, format.error());
-  if (!request.head.query.empty() || (*format && **format != Format::kNative)) {
+  const bool has_options = std::ranges::any_of(
+      request.head.query, [](const auto& pair) { return pair.first != "filename"; });
+  if (has_options || (*format && **format != Format::kNative)) {
     if (*format && !request.query("format")) {
       request.head.query.emplace_back("format", format_name(**format));
     }
@@ -182,7 +247,9 @@ Reply grid_response(Request& request, Api& api, const std::string& grid) {
   if (!response) return problem(request, response.error());
   if (response->status < 300) {
     response->headers["Content-Type"] = std::string(format_media_type(Format::kNative));
-    response->headers["Content-Disposition"] = "inline; filename=\"grid.voxg\"";
+    const auto name = download_name(request, "", "grid.voxg");
+    if (!name) return problem(request, name.error());
+    response->headers["Content-Disposition"] = content_disposition(*name);
   }
   return std::move(response).value();
 }

@@ -1,4 +1,7 @@
 // "/" and /openapi.json.
+#include <array>
+
+#include "server/api/accept.h"
 #include "server/api/openapi_json.h"
 #include "server/api/resources/resources.h"
 
@@ -13,8 +16,15 @@ constexpr std::string_view kIndex =
 
 }  // namespace
 
-Reply get_index(Request&, Api&) {
-  return Response::text(200, std::string(kIndex));
+Reply get_index(Request& request, Api& api) {
+  if (!has_page(api)) return Response::text(200, std::string(kIndex));
+  request.is_negotiated = true;
+  // The first of equals is the text, so curl gets it.
+  constexpr std::array<std::string_view, 2> kTypes = {"text/plain", "text/html"};
+  if (preferred_type(request.head.header("Accept"), kTypes) == 1) return get_page(request, api);
+  Response response = Response::text(200, std::string(kIndex));
+  response.headers["Cache-Control"] = "no-cache";
+  return response;
 }
 
 Reply get_openapi(Request&, Api&) {

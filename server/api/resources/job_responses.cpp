@@ -4,12 +4,15 @@
 #include <array>
 #include <charconv>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <vector>
 
 #include "proto/client_texts.h"
+#include "proto/messages/bundle_manifest.h"
 #include "proto/messages/job_text.h"
+#include "proto/output_format.h"
 #include "server/api/accept.h"
 #include "server/http/file_response.h"
 
@@ -28,10 +31,12 @@ std::string text_member(const Json& object, const char* name) {
 }
 
 // Members of meta that go into headers: where the grid lies, and facts about its contents.
-constexpr std::array<std::string_view, 18> kBriefMembers = {
-    "dims",       "origin", "voxel_size", "voxel_count", "triangles",       "units",
-    "frames",     "fps",    "animation",  "mesh",        "solid",           "level",
-    "level_rule", "region", "of",         "drawn",       "host_bytes_peak", "host_bytes_estimate"};
+constexpr std::array<std::string_view, 25> kBriefMembers = {
+    "dims",           "origin", "voxel_size", "voxel_count",     "triangles",
+    "units",          "frames", "fps",        "animation",       "mesh",
+    "solid",          "level",  "level_rule", "region",          "mirror",
+    "keep",           "dilate", "erode",      "hollow",          "neighbors",
+    "palette_colors", "of",     "drawn",      "host_bytes_peak", "host_bytes_estimate"};
 constexpr std::array<std::string_view, 3> kOwnHeaders = {"content_hash", "pipeline", "device"};
 
 // Parses these members of meta; it may have megabytes of others.
@@ -119,6 +124,63 @@ Error ended_error(const JobStatus& status) {
           "the job " + status.id + " has no result", "", std::string(job_state_name(status.state))};
 }
 
+// The extension of a result's file name: that of its format, as in "grid.nii.gz", else what
+// follows the last dot.
+std::string_view known_extension(std::string_view name) {
+  for (const FormatInfo& info : output_formats()) {
+    for (const std::string_view extension : {info.extension, info.sequence_extension}) {
+      if (name.ends_with(extension)) return name.substr(name.size() - extension.size());
+    }
+  }
+  const size_t dot = name.rfind('.');
+  return dot == std::string_view::npos ? std::string_view() : name.substr(dot);
+}
+
+// "models/bunny.ply" -> "bunny"; "bundle.zip!a/spot.obj" -> "spot"; "walk.bundle.json" -> "walk".
+std::string stem_of(std::string_view name, std::string_view extension) {
+  constexpr std::string_view kInZip = ".zip!";
+  if (const size_t zip = name.rfind(kInZip); zip != std::string_view::npos) {
+    name = name.substr(zip + kInZip.size());
+  }
+  name = name.substr(name.rfind('/') + 1);
+  for (const std::string_view end : {extension, kBundleExtension}) {
+    if (!end.empty() && name.ends_with(end))
+      return std::string(name.substr(0, name.size() - end.size()));
+  }
+  return std::filesystem::path(name).stem().string();
+}
+
+// As job_result_response(); `mesh` is the name of the mesh that the result comes from, or empty.
+Response result_response(const Request& request, Api& api, const JobAndResult& found,
+                         std::string_view mesh) {
+  const JobStatus& status = found.status;
+  const Result<StoredBlob>& blob = found.file;
+  if (!status.ended()) {
+    return problem(request, {ErrorCode::kConflict, "the job " + status.id + " has not ended",
+                             "done", std::string(job_state_name(status.state))});
+  }
+  if (status.state != JobState::kDone || !status.result) {
+    Response failed = problem(request, ended_error(status));
+    // A failed job stays failed, however often its result is asked for.
+    if (request.head.method != "POST") failed.headers.erase("Retry-After");
+    return failed;
+  }
+  if (!blob) return problem(request, blob.error());
+  const FileBody file{blob->path, 0, blob->bytes};
+  auto response = http::file_response(request.head, file, "\"" + blob->id + "\"");
+  if (!response) return problem(request, response.error());
+  const auto meta = meta_headers(request, api, status);
+  if (!meta) return problem(request, meta.error());
+  add_result_headers(*response, status, **meta);
+  if (response->status == 200 || response->status == 206) {
+    response->headers["Content-Type"] = status.result->media_type;
+    const auto name = download_name(request, mesh, status.result->filename);
+    if (!name) return problem(request, name.error());
+    if (!name->empty()) response->headers["Content-Disposition"] = content_disposition(*name);
+  }
+  return std::move(response).value();
+}
+
 }  // namespace
 
 Response problem(const Request& request, const Error& error) {
@@ -189,32 +251,30 @@ Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf med
   return std::optional(output_formats()[*chosen - 1].format);
 }
 
+Result<std::string> download_name(const Request& request, std::string_view mesh,
+                                  std::string_view own) {
+  const std::string_view extension = known_extension(own);
+  // `filename` of a POST names its mesh; the worker has named the result after it.
+  const bool is_read = request.head.method == "GET" || request.head.method == "HEAD";
+  const auto wanted = is_read ? request.query("filename") : std::nullopt;
+  if (wanted) VOXELD_TRY(check_filename(*wanted));
+  for (const std::string& name : {stem_of(wanted.value_or(""), extension), stem_of(mesh, "")}) {
+    if (!name.empty()) return name + std::string(extension);
+  }
+  return std::string(own);
+}
+
 Response job_result_response(const Request& request, Api& api, const JobStatus& status) {
-  if (!status.ended()) {
-    return problem(request, {ErrorCode::kConflict, "the job " + status.id + " has not ended",
-                             "done", std::string(job_state_name(status.state))});
-  }
-  if (status.state != JobState::kDone || !status.result) {
-    Response failed = problem(request, ended_error(status));
-    // A failed job stays failed, however often its result is asked for.
-    if (request.head.method != "POST") failed.headers.erase("Retry-After");
-    return failed;
-  }
-  const auto blob = api.jobs.result_of(status);
-  if (!blob) return problem(request, blob.error());
-  const FileBody file{blob->path, 0, blob->bytes};
-  auto response = http::file_response(request.head, file, "\"" + blob->id + "\"");
-  if (!response) return problem(request, response.error());
-  const auto meta = meta_headers(request, api, status);
-  if (!meta) return problem(request, meta.error());
-  add_result_headers(*response, status, **meta);
-  if (response->status == 200 || response->status == 206) {
-    response->headers["Content-Type"] = status.result->media_type;
-    if (!status.result->filename.empty()) {
-      response->headers["Content-Disposition"] = content_disposition(status.result->filename);
-    }
-  }
-  return std::move(response).value();
+  return job_result_response(request, api, status, "");
+}
+
+Response job_result_response(const Request& request, Api& api, const JobStatus& status,
+                             std::string_view mesh) {
+  return result_response(request, api, JobAndResult{status, api.jobs.result_of(status)}, mesh);
+}
+
+Response job_result_response(const Request& request, Api& api, const JobAndResult& found) {
+  return result_response(request, api, found, "");
 }
 
 }  // namespace voxeld::api

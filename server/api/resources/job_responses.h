@@ -13,6 +13,14 @@ namespace voxeld::api {
 // The bytes of an ended job with all headers, or the problem that it ended with; 304, 206 or 416 as
 // the request asks.
 Response job_result_response(const Request& request, Api& api, const JobStatus& status);
+Response job_result_response(const Request& request, Api& api, const JobAndResult& found);
+// The same, and where the request does not name the file: after `mesh`, the name of the job's mesh.
+Response job_result_response(const Request& request, Api& api, const JobStatus& status,
+                             std::string_view mesh);
+// The name of a response's file: the stem of `filename=` (else of `mesh`, else of `own`) with the
+// extension of `own`. Errors: invalid-option for a `filename=` that is too long.
+Result<std::string> download_name(const Request& request, std::string_view mesh,
+                                  std::string_view own);
 // A status as JSON with its ETag. Long texts are read while the response is sent.
 Response status_response(const Request& request, Api& api, int http_status,
                          const JobStatus& status);

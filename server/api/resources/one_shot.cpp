@@ -48,6 +48,22 @@ Status choose_format(Request& request, RequestOptions& options) {
   return {};
 }
 
+// The options of a voxelization, whose format Accept may name. Some options depend on the
+// format, and the format's media types on whether there are frames.
+Result<RequestOptions> voxelize_options(Request& request, OptionScope scope) {
+  OptionPairs pairs = option_pairs(request), others = pairs;
+  static constexpr std::string_view kOfFormats[] = {
+      "layout", "mesh", "compress", "channel", "blocks", "dither", "schem_version", "zarr_version"};
+  std::erase_if(others,
+                [](const auto& pair) { return std::ranges::count(kOfFormats, pair.first) != 0; });
+  VOXELD_ASSIGN(RequestOptions options, parse_options(others, scope));
+  VOXELD_TRY(choose_format(request, options));
+  if (others.size() == pairs.size()) return options;
+  std::erase_if(pairs, [](const auto& pair) { return pair.first == "format"; });
+  pairs.emplace_back("format", format_name(options.output.format));
+  return parse_options(pairs, scope);
+}
+
 Result<JobRequest> parse_request(Request& request, JobKind kind) {
   JobRequest job;
   job.kind = kind;
@@ -64,9 +80,10 @@ Result<JobRequest> parse_request(Request& request, JobKind kind) {
     return Error{ErrorCode::kInvalidOption, other, "one of asset, grid and sequence",
                  std::to_string(inputs) + " of them"};
   }
-  VOXELD_ASSIGN(job.options, parse_options(option_pairs(request), option_scope(job)));
   if (kind == JobKind::kVoxelize) {
-    VOXELD_TRY(choose_format(request, job.options));
+    VOXELD_ASSIGN(job.options, voxelize_options(request, option_scope(job)));
+  } else {
+    VOXELD_ASSIGN(job.options, parse_options(option_pairs(request), option_scope(job)));
   }
   job.filename = job.options.filename;
   VOXELD_TRY(read_integer(request, "priority", job.priority));
@@ -85,13 +102,14 @@ Reply run(Request& request, Api& api, JobKind kind) {
   if (!job->asset.empty() || !job->grid.empty() || !job->sequence.empty()) {
     return run_transient(request, api, *job, respond);
   }
-  return receive_upload(
-      request, api, [&api, job = *std::move(job), respond](Request& asking, Upload upload) {
-        JobRequest on_upload = job;
-        on_upload.asset = upload.asset.id;
-        on_upload.filename = std::move(upload.filename);
-        return run_transient(asking, api, on_upload, std::move(upload.place), upload.ms, respond);
-      });
+  return receive_upload(request, api, Durability::kSoon,
+                        [&api, job = *std::move(job), respond](Request& asking, Upload upload) {
+                          JobRequest on_upload = job;
+                          on_upload.asset = upload.asset.id;
+                          on_upload.filename = std::move(upload.filename);
+                          return run_transient(asking, api, on_upload, std::move(upload.place),
+                                               upload.ms, respond);
+                        });
 }
 
 }  // namespace

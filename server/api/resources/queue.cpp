@@ -1,4 +1,5 @@
-// GET /v1/queue: devices and live jobs, those of other tenants as numbers only.
+// GET /v1/queue: devices and live jobs, those of other tenants as numbers only; for an admin also
+// memory and storage.
 #include <utility>
 
 #include "proto/messages/job_text.h"
@@ -16,9 +17,9 @@ void write_devices(JsonWriter& json, const QueueView& view) {
         .member("device", device.device)
         .member("renderer", device.renderer)
         .member("workers", device.workers)
-        .member("workers_busy", device.workers_busy)
-        .key("jobs")
-        .begin_array();
+        .member("workers_busy", device.workers_busy);
+    if (view.store) json.member("memory_bytes", device.memory_bytes);
+    json.key("jobs").begin_array();
     for (const std::string& job : device.jobs) json.value(job);
     json.end_array().end_object();
   }
@@ -33,6 +34,14 @@ std::string queue_members(const QueueView& view) {
   json.key("others").begin_object().member("queued", view.others_queued);
   json.member("running", view.others_running).end_object();
   write_devices(json, view);
+  if (view.store) {
+    json.key("store")
+        .begin_object()
+        .member("bytes", view.store->bytes)
+        .member("disk_free_bytes", view.store->disk_free_bytes)
+        .member("disk_bytes", view.store->disk_bytes)
+        .end_object();
+  }
   return text;
 }
 

@@ -10,6 +10,11 @@ namespace voxeld::api {
 // --- index.cpp
 Reply get_index(Request& request, Api& api);
 Reply get_openapi(Request& request, Api& api);
+// --- web.cpp
+Reply get_page(Request& request, Api& api);
+Reply get_web_file(Request& request, Api& api);
+// Whether this daemon has a page for browsers.
+bool has_page(const Api& api);
 // --- one_shot.cpp
 Reply voxelize(Request& request, Api& api);
 Reply render(Request& request, Api& api);
@@ -23,6 +28,8 @@ Reply post_job(Request& request, Api& api);
 Reply list_jobs(Request& request, Api& api);
 Reply get_job(Request& request, Api& api);
 Reply cancel_job(Request& request, Api& api);
+// --- job_tiles.cpp
+Reply get_tiles_of_job(Request& request, Api& api);
 // --- queue.cpp
 Reply get_queue(Request& request, Api& api);
 // --- events.cpp
@@ -40,6 +47,8 @@ Reply delete_sequence(Request& request, Api& api);
 Reply get_grid(Request& request, Api& api);
 Reply get_tiles(Request& request, Api& api);
 Reply get_tile(Request& request, Api& api);
+Reply get_zarr(Request& request, Api& api);
+Reply get_zarr2(Request& request, Api& api);
 Reply render_grid(Request& request, Api& api);
 Reply render_grid_png(Request& request, Api& api);
 // The responses of /v1/grids/{id} and its render.png, of any grid.

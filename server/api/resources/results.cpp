@@ -1,4 +1,6 @@
 // /v1/jobs/{id}/result: a job's bytes, or its grid or sequence in another format.
+#include <algorithm>
+
 #include "proto/container/sequence_format.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"
@@ -31,27 +33,31 @@ std::optional<Format> format_of(std::string_view type, MediaTypeOf media_type) {
   return std::nullopt;
 }
 
-Reply export_as(Request& request, Api& api, JobRequest job, Format format) {
+// `mesh`: the name of the job's mesh, after which the response's file is named.
+Reply export_as(Request& request, Api& api, JobRequest job, Format format,
+                const std::string& mesh) {
   OptionPairs pairs;
   for (const auto& pair : request.head.query) {
     if (pair.first != "format") pairs.push_back(pair);
   }
+  // Accept may name it, and other options depend on it.
+  pairs.emplace_back("format", format_name(format));
   auto options = parse_options(pairs, OptionScope::kExport);
   if (!options) return problem(request, options.error());
   job.options = *options;
-  job.options.output.format = format;
-  return run_transient(request, api, job, [&api](Request& asking, const JobStatus& status) {
-    return job_result_response(asking, api, status);
+  return run_transient(request, api, job, [&api, mesh](Request& asking, const JobStatus& status) {
+    return job_result_response(asking, api, status, mesh);
   });
 }
 
 }  // namespace
 
 Reply get_result(Request& request, Api& api) {
-  auto status = api.jobs.get(request.caller, request.path_parameters[0]);
-  if (!status) return problem(request, status.error());
+  const auto found = api.jobs.get_with_result(request.caller, request.path_parameters[0]);
+  if (!found) return problem(request, found.error());
+  const JobStatus* const status = &found->status;
   if (status->state != JobState::kDone || !status->result) {
-    return job_result_response(request, api, *status);
+    return job_result_response(request, api, *found);
   }
   const JobRequest job = export_of(*status);
   const MediaTypeOf media_type = job.sequence.empty() ? format_media_type : sequence_media_type;
@@ -62,11 +68,13 @@ Reply get_result(Request& request, Api& api) {
   if (!requested) return problem(request, requested.error());
   const std::optional<Format> own = format_of(result.media_type, media_type);
   const std::optional<Format> format = *requested ? *requested : own;
-  const bool has_options = request.head.query.size() > (request.query("format") ? 1 : 0);
+  const bool has_options = std::ranges::any_of(request.head.query, [](const auto& pair) {
+    return pair.first != "format" && pair.first != "filename";
+  });
   if (!has_options && (!*requested || format == own)) {
-    return job_result_response(request, api, *status);
+    return job_result_response(request, api, *found);
   }
-  if (is_exportable && format) return export_as(request, api, job, *format);
+  if (is_exportable && format) return export_as(request, api, job, *format, status->filename);
   if (format) {
     return problem(request, {ErrorCode::kNotAcceptable, "this job's result has one form alone",
                              result.media_type, std::string(media_type(*format))});

@@ -101,6 +101,7 @@ using Then = std::function<Reply(Request&, Upload)>;
 // The facts of an upload that come before its body.
 struct Announced {
   std::string filename, content_type;
+  Durability durability = Durability::kNow;
   Stopwatch watch;
   WaitPlace place;
 };
@@ -119,10 +120,11 @@ Result<Asset> put_bundle(const Request& request, Api& api, Announced& announced,
   VOXELD_ASSIGN(const std::vector<BundleFile> files, parse_bundle_manifest(text));
   VOXELD_TRY(check_files(request, api, files));
   announced.filename = bundle_filename(std::move(announced.filename), files);
-  VOXELD_ASSIGN(BlobWriter writer, api.jobs.begin_upload(static_cast<int64_t>(text.size())));
+  VOXELD_ASSIGN(BlobWriter writer,
+                api.jobs.begin_upload(static_cast<int64_t>(text.size()), announced.durability));
   VOXELD_TRY(writer.append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
   VOXELD_ASSIGN(const BlobInfo blob, writer.finish());
-  return api.jobs.put_bundle(request.caller, blob, announced.filename, files);
+  return api.jobs.put_bundle(request.caller, blob, announced.filename, files, announced.durability);
 }
 
 Reply receive_bundle(const Request& request, Api& api, Announced announced, Then then) {
@@ -166,7 +168,8 @@ class FileSink final : public BodySink {
       return Error{ErrorCode::kBadRequest, "the body is empty", "a mesh file", "0 bytes"};
     }
     VOXELD_ASSIGN(const BlobInfo blob, writer_.finish());
-    return api_.jobs.put_asset(caller_, blob, announced_.filename, announced_.content_type);
+    return api_.jobs.put_asset(caller_, blob, announced_.filename, announced_.content_type,
+                               announced_.durability);
   }
 
   Api& api_;
@@ -183,14 +186,16 @@ Result<Reply> receive_file(const Request& request, Api& api, Announced announced
   const bool is_plain = request.head.coding == http::ContentCoding::kNone;
   const int64_t asked = is_plain ? std::min(request.head.content_length.value_or(0), bytes_max) : 0;
   VOXELD_ASSIGN(const int64_t room, api.jobs.upload_room(request.caller, asked));
-  VOXELD_ASSIGN(BlobWriter writer, api.jobs.begin_upload(std::min(bytes_max, room)));
+  VOXELD_ASSIGN(BlobWriter writer,
+                api.jobs.begin_upload(std::min(bytes_max, room), announced.durability));
   return Reply(StreamedBody{bytes_max,
                             std::make_unique<FileSink>(api, request.caller, std::move(announced),
                                                        std::move(writer), room, std::move(then))});
 }
 
-Result<Reply> receive(Request& request, Api& api, Then then) {
+Result<Reply> receive(Request& request, Api& api, Durability durability, Then then) {
   Announced announced;
+  announced.durability = durability;
   announced.content_type = request.head.header("Content-Type");
   announced.filename = requested_filename(request);
   VOXELD_TRY(check_length(client_texts::kContentType, announced.content_type));
@@ -208,8 +213,9 @@ Result<Reply> receive(Request& request, Api& api, Then then) {
 
 }  // namespace
 
-Reply receive_upload(Request& request, Api& api, std::function<Reply(Request&, Upload)> then) {
-  auto reply = receive(request, api, std::move(then));
+Reply receive_upload(Request& request, Api& api, Durability durability,
+                     std::function<Reply(Request&, Upload)> then) {
+  auto reply = receive(request, api, durability, std::move(then));
   if (!reply) return problem(request, reply.error());
   return *std::move(reply);
 }

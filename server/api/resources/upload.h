@@ -24,6 +24,7 @@ struct Upload {
 // Content-Type, bad-request for an empty body, errors of the body and the store, quota-exceeded
 // (before anything is read if Content-Length tells), too-many-requests, and of bundle manifests
 // malformed-bundle, not-found and gone for files that are not there.
-Reply receive_upload(Request& request, Api& api, std::function<Reply(Request&, Upload)> then);
+Reply receive_upload(Request& request, Api& api, Durability durability,
+                     std::function<Reply(Request&, Upload)> then);
 
 }  // namespace voxeld::api

@@ -98,7 +98,8 @@ Response Response::problem(const Error& error, std::string_view instance,
 
 void add_vary(Response& response, std::string_view header) {
   std::string& vary = response.headers["Vary"];
-  if (vary.find(header) != std::string::npos) return;  // no name here is a part of another
+  // Whole names, since Accept is a part of Accept-Encoding.
+  if ((", " + vary + ", ").find(", " + std::string(header) + ", ") != std::string::npos) return;
   if (!vary.empty()) vary += ", ";
   vary += header;
 }

@@ -26,7 +26,7 @@ int digit(char c) {
 std::string random_id(size_t digits) {
   std::string id;
   do {
-    id = random_hex(digits);
+    id = id_hex(digits);
   } while (is_zero(id));
   return id;
 }

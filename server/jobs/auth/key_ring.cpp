@@ -10,8 +10,9 @@
 
 namespace voxeld {
 
-Result<std::unique_ptr<KeyRing>> KeyRing::open(const std::filesystem::path& data_dir) {
-  std::unique_ptr<KeyRing> ring(new KeyRing(key_file_path(data_dir)));
+Result<std::unique_ptr<KeyRing>> KeyRing::open(const std::filesystem::path& data_dir,
+                                               std::chrono::milliseconds check_interval) {
+  std::unique_ptr<KeyRing> ring(new KeyRing(key_file_path(data_dir), check_interval));
   {
     const MutexLock lock(ring->mutex_);
     Keys none;
@@ -24,11 +25,15 @@ Result<std::unique_ptr<KeyRing>> KeyRing::open(const std::filesystem::path& data
 }
 
 std::optional<KeyRing::Holder> KeyRing::admit(std::string_view presented) const {
-  const std::shared_ptr<const Keys> keys = current();
-  if (keys->is_open) return Holder{Caller::open(), ""};
+  if (auto holder = holder_among(*current(), presented)) return holder;
+  return holder_among(*current(Look::kNow), presented);
+}
+
+std::optional<KeyRing::Holder> KeyRing::holder_among(const Keys& keys, std::string_view presented) {
+  if (keys.is_open) return Holder{Caller::open(), ""};
   static const ApiKey nobody{"", "", sha256_id("nobody"), 0, 0, 0, 1, false, {}};
   const PresentedKey key = split_key(presented);
-  const ApiKey* known = keys->find(key.id);
+  const ApiKey* known = keys.find(key.id);
   const ApiKey& candidate = known != nullptr ? *known : nobody;
   const bool is_same = equal_in_constant_time(candidate.secret_hash, sha256_id(key.secret));
   const bool is_live = candidate.is_live(unix_time_ms());
@@ -99,8 +104,11 @@ const ApiKey* KeyRing::Keys::find(std::string_view id) const {
   return it == by_id.end() ? nullptr : it->second;
 }
 
-std::shared_ptr<const KeyRing::Keys> KeyRing::current() const {
+std::shared_ptr<const KeyRing::Keys> KeyRing::current(Look look) const {
   const MutexLock lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  if (look == Look::kWhenDue && now < check_at_) return keys_;
+  check_at_ = now + check_interval_;
   // Before the file is read: what changes after this is seen by the next call.
   const FileMark mark = mark_of(file_);
   if (mark == seen_) return keys_;

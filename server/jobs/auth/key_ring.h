@@ -1,6 +1,7 @@
 // The API keys of a running daemon, as their file says now.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -19,14 +20,17 @@
 
 namespace voxeld {
 
-// Thread-safe. Every call looks at the file's stat(2) and reads it where it has changed, so that
-// keys count, or no longer do, from the next request on. A daemon that once had keys never becomes
-// open again before its next start: without its file, or with one that it cannot read, it admits
-// nobody.
+// Thread-safe. The file is read again when its stat(2) has changed, which is looked up at most once
+// per interval, and before any key is refused. A new key therefore counts at once, a revoked one
+// for at most an interval. A daemon that once had keys never becomes open again before its next
+// start: without its file, or with one that it cannot read, it admits nobody.
 class KeyRing {
  public:
+  static constexpr std::chrono::milliseconds kCheckInterval{100};
   // Without a file: open. Errors: those of read_keys().
-  static Result<std::unique_ptr<KeyRing>> open(const std::filesystem::path& data_dir);
+  static Result<std::unique_ptr<KeyRing>> open(
+      const std::filesystem::path& data_dir,
+      std::chrono::milliseconds check_interval = kCheckInterval);
 
   struct Holder {
     Caller caller;
@@ -63,13 +67,19 @@ class KeyRing {
     std::map<std::string_view, KeyList> by_tenant;
     const ApiKey* find(std::string_view id) const;
   };
-  explicit KeyRing(std::filesystem::path file) : file_(std::move(file)) {}
-  std::shared_ptr<const Keys> current() const EXCLUDES(mutex_);
+  enum class Look { kWhenDue, kNow };
+  KeyRing(std::filesystem::path file, std::chrono::milliseconds check_interval)
+      : file_(std::move(file)), check_interval_(check_interval) {}
+  std::shared_ptr<const Keys> current(Look look = Look::kWhenDue) const EXCLUDES(mutex_);
   Status load() const REQUIRES(mutex_);
+  // The holder of the key among these.
+  static std::optional<Holder> holder_among(const Keys& keys, std::string_view presented);
 
   const std::filesystem::path file_;
+  const std::chrono::milliseconds check_interval_;
   mutable Mutex mutex_;
   mutable FileMark seen_ GUARDED_BY(mutex_);
+  mutable std::chrono::steady_clock::time_point check_at_ GUARDED_BY(mutex_);
   mutable uint32_t loads_ GUARDED_BY(mutex_) = 0;
   mutable std::shared_ptr<const Keys> keys_ GUARDED_BY(mutex_);
   mutable Status status_ GUARDED_BY(mutex_);

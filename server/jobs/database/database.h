@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "proto/result.h"
+#include "server/base/durability.h"
 #include "server/base/guard.h"
 #include "server/jobs/database/sql.h"
 
@@ -23,10 +24,15 @@ class Database {
 
   virtual ~Database() = default;
 
-  // Blocks until the operation's changes are durable, and readers from then on see them. An Error
-  // or an exception of the operation undoes all of its changes and nothing else. Errors: the
+  // Blocks until the operation's changes are committed, and readers from then on see them. An Error
+  // or an exception of the operation undoes all of its changes and nothing else. Power loss undoes
+  // commits in the reverse of their order: a durable one makes all before it durable. Errors: the
   // operation's own, or the commit's.
-  virtual Status write(const Operation& operation) = 0;
+  virtual Status write(const Operation& operation, Durability durability) = 0;
+  Status write(const Operation& operation) { return write(operation, Durability::kNow); }
+
+  // Makes all commits durable. Returns at once if they are.
+  virtual Status sync() = 0;
 
   // The same for operations that free space: what deletes or expires, and what ends a job, whose
   // inputs and parts go then. make_way() is called first, so that a full disk does not keep anybody
@@ -38,9 +44,10 @@ class Database {
   // use the database.
   virtual void set_make_way(std::function<bool()> make_way) = 0;
 
-  // Calls `told` with the store's generation after each commit that changed rows, on the thread
-  // that committed (store_identity.h). The database raises `generation` in the row of the table
-  // `store` within that commit. Without a row, `told` is not called. Its exceptions are logged.
+  // Calls `told` with the store's generation once commits that changed rows are durable, on the
+  // thread that made them so (store_identity.h). The database raises `generation` in the row of the
+  // table `store` within each such commit. Without a row, `told` is not called. Its exceptions are
+  // logged.
   virtual void tell_generation(std::function<void(int64_t)> told) = 0;
 
   // A reading connection for the caller alone, given back when the lease goes away. Each statement

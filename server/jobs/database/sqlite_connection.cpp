@@ -124,7 +124,9 @@ Result<SqliteConnection> SqliteConnection::open(const std::filesystem::path& pat
                    "a file that its owner may change", ""};
     }
     VOXELD_TRY(connection.run_script(
-        "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
+        "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"
+        // What an operation may have to undo: otherwise a file is made for it each time.
+        "PRAGMA temp_store=MEMORY;"));
   } else {
     sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
     VOXELD_TRY(connection.run_script("PRAGMA wal_autocheckpoint=0; PRAGMA query_only=ON;"));
@@ -169,6 +171,11 @@ Result<std::string> SqliteConnection::integrity() {
   VOXELD_ASSIGN(SqlStatement check, query("PRAGMA integrity_check(1)"));
   VOXELD_ASSIGN(const bool row, check.step());
   return row ? check.text(0) : "no result";
+}
+
+// In the mode WAL, NORMAL syncs at checkpoints alone: power loss undoes the last commits.
+Status SqliteConnection::set_synced(bool is_synced) {
+  return run_script(is_synced ? "PRAGMA synchronous=FULL" : "PRAGMA synchronous=NORMAL");
 }
 
 Status SqliteConnection::checkpoint() {

@@ -44,6 +44,8 @@ class SqliteConnection final : public SqlConnection {
   Result<std::string> integrity();
   // Writes pages of the WAL into the file as far as readers allow, so that SQLite writes over it
   // instead of behind it.
+  // Whether commits from now on are durable on return (the default). Not inside a transaction.
+  Status set_synced(bool is_synced);
   Status checkpoint();
 
  private:

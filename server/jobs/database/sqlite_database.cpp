@@ -46,9 +46,10 @@ Result<std::unique_ptr<SqliteDatabase>> SqliteDatabase::open(
       new SqliteDatabase(path, std::move(writer), reader_idle_max));
 }
 
-Status SqliteDatabase::write(const Operation& operation) {
+Status SqliteDatabase::write(const Operation& operation, Durability durability) {
   Pending mine;
   mine.operation = &operation;
+  mine.durability = durability;
   std::vector<Pending*> batch;
   {
     MutexLock lock(mutex_);
@@ -64,6 +65,23 @@ Status SqliteDatabase::write(const Operation& operation) {
   leading_ = false;
   changed_.notify_all();
   return mine.status;
+}
+
+// A durable commit syncs the log with all commits in it.
+Status SqliteDatabase::sync() {
+  {
+    const MutexLock lock(writer_mutex_);
+    if (is_synced_) return {};
+  }
+  return write([](SqlConnection&) { return Status(); }, Durability::kNow);
+}
+
+// SQLite changes this between transactions alone.
+Status SqliteDatabase::use(Durability durability) {
+  if (durability == used_) return {};
+  VOXELD_TRY(writer_.set_synced(durability == Durability::kNow));
+  used_ = durability;
+  return {};
 }
 
 Status SqliteDatabase::write_freeing(const Operation& operation) {
@@ -98,15 +116,21 @@ Status SqliteDatabase::run_operation(Pending& pending) {
 Status SqliteDatabase::run_operations(const std::vector<Pending*>& batch) {
   // Left over where there was no memory to undo it.
   if (writer_.in_transaction()) VOXELD_TRY(writer_.run("ROLLBACK"));
+  const bool is_now = std::ranges::any_of(
+      batch, [](const Pending* pending) { return pending->durability == Durability::kNow; });
+  VOXELD_TRY(use(is_now ? Durability::kNow : Durability::kSoon));
   VOXELD_TRY(writer_.run("BEGIN IMMEDIATE"));
   const int64_t before = writer_.total_changes();
   for (Pending* pending : batch) VOXELD_TRY(run_operation(*pending));
+  const bool is_changed = writer_.total_changes() != before;
   int64_t generation = 0;
-  if (writer_.total_changes() != before) {
+  // SQLite syncs at a change: the generation is one where the operations made none.
+  if (is_changed || (is_now && !is_synced_)) {
     VOXELD_ASSIGN(generation, next_generation(writer_));
   }
   VOXELD_TRY(writer_.run("COMMIT"));
-  if (generation > 0 && generation_told_) {
+  is_synced_ = is_now || (is_synced_ && !is_changed);
+  if (generation > 0 && generation_told_ && is_now) {
     // The batch is durable: what fails from here on must not report it as undone.
     const std::function<void(int64_t)>* const told = &generation_told_;
     guarded("the generation of the job database", [&] { (*told)(generation); });

@@ -28,7 +28,10 @@ class SqliteDatabase final : public Database {
       const std::filesystem::path& path,
       std::chrono::milliseconds reader_idle_max = kReaderIdleMax);
 
-  Status write(const Operation& operation) override EXCLUDES(mutex_, writer_mutex_);
+  using Database::write;
+  Status write(const Operation& operation, Durability durability) override
+      EXCLUDES(mutex_, writer_mutex_);
+  Status sync() override EXCLUDES(mutex_, writer_mutex_);
   // On a full disk the WAL is checkpointed, so that SQLite overwrites it instead of appending.
   Status write_freeing(const Operation& operation) override EXCLUDES(mutex_, writer_mutex_);
   void set_make_way(std::function<bool()> make_way) override { make_way_ = std::move(make_way); }
@@ -44,6 +47,7 @@ class SqliteDatabase final : public Database {
  private:
   struct Pending {
     const Operation* operation = nullptr;
+    Durability durability = Durability::kNow;
     Status status;
     bool done = false;
   };
@@ -57,6 +61,7 @@ class SqliteDatabase final : public Database {
   void give_back(std::unique_ptr<SqlConnection> reader) override EXCLUDES(mutex_);
   void run_batch(const std::vector<Pending*>& batch) noexcept EXCLUDES(writer_mutex_);
   Status run_operations(const std::vector<Pending*>& batch) REQUIRES(writer_mutex_);
+  Status use(Durability durability) REQUIRES(writer_mutex_);
   Status run_operation(Pending& pending) REQUIRES(writer_mutex_);
   void undo(const Error& why) REQUIRES(writer_mutex_);
 
@@ -71,6 +76,8 @@ class SqliteDatabase final : public Database {
   Mutex writer_mutex_;
   SqliteConnection writer_ GUARDED_BY(writer_mutex_);
   std::function<void(int64_t)> generation_told_ GUARDED_BY(writer_mutex_);
+  Durability used_ GUARDED_BY(writer_mutex_) = Durability::kNow;  // by the writer's commits
+  bool is_synced_ GUARDED_BY(writer_mutex_) = true;               // all commits are durable
   // The one that was used last is at the end and is taken first.
   std::vector<IdleReader> idle_readers_ GUARDED_BY(mutex_);
 };

@@ -102,14 +102,29 @@ void JobBoard::frames_listed(const std::string& id, int64_t count) {
     if (found == entries_.end() || !found->second->running) return;
     Entry& entry = *found->second;
     entry.frames_done = std::max(entry.frames_done, count);
-    const auto now = Clock::now();
-    entry.is_untold = now - entry.changed_at < entry.throttle();
-    if (entry.is_untold) return;
-    entry.changed_at = now;
-    ++entry.version;
-    wakers = wakers_of(entry, JobChange::kAny);
+    wakers = note_change(entry);
   }
   wake(wakers);
+}
+
+void JobBoard::tiles_kept(const std::string& id) {
+  Wakers wakers;
+  {
+    const MutexLock lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found == entries_.end() || !found->second->running) return;
+    wakers = note_change(*found->second);
+  }
+  wake(wakers);
+}
+
+JobBoard::Wakers JobBoard::note_change(Entry& entry) {
+  const auto now = Clock::now();
+  entry.is_untold = now - entry.changed_at < entry.throttle();
+  if (entry.is_untold) return {};
+  entry.changed_at = now;
+  ++entry.version;
+  return wakers_of(entry, JobChange::kAny);
 }
 
 int64_t JobBoard::live_version(const std::string& id) const {

@@ -31,6 +31,8 @@ class JobBoard {
                 int64_t tiles_total, int64_t frames_done = 0, int64_t frames_total = 0);
   // So many frames of the job are listed. Within the throttle it is announced by the next report.
   void frames_listed(const std::string& id, int64_t count);
+  // More finished tiles of the job can be read. Announced as frames_listed().
+  void tiles_kept(const std::string& id);
   // The highest version that anybody may have seen of a running job; 0 when it is not running.
   int64_t live_version(const std::string& id) const;
   // The job's stored state has changed; `running` is false when it ended or was put back.
@@ -77,6 +79,8 @@ class JobBoard {
 
     Clock::duration throttle() const;
   };
+  // Notes a change beside the reports: the wakers to call now; within the throttle there are none.
+  static Wakers note_change(Entry& entry);
   // The wakers to call, after mutex_ is released, for a change of that kind.
   static Wakers wakers_of(const Entry& entry, JobChange change);
   static void wake(const Wakers& wakers);

@@ -135,7 +135,12 @@ struct JobMetrics::Impl {
         device_memory(BuildGauge()
                           .Name("voxeld_gpu_memory_bytes")
                           .Help("Memory of a GPU as its driver tells: total and free.")
-                          .Register(*registry)) {
+                          .Register(*registry)),
+        device_degraded(BuildGauge()
+                            .Name("voxeld_device_degraded")
+                            .Help("1 while the CPU goes on in place of a device that failed in "
+                                  "its last job.")
+                            .Register(*registry)) {
     BuildGauge()
         .Name("voxeld_build_info")
         .Help("1, with the version as a label.")
@@ -168,6 +173,7 @@ struct JobMetrics::Impl {
   Family<Counter>& evictions;
   Family<Gauge>& worker_memory;
   Family<Gauge>& device_memory;
+  Family<Gauge>& device_degraded;
 
   // Tenants are names that whoever runs the daemon gave; those of a year may still be many, and
   // each is a time series for ever.
@@ -269,6 +275,7 @@ void JobMetrics::add_worker_up(const std::string& device, int workers) {
   for (auto* counters : {&impl_->restarts, &impl_->replacements, &impl_->fresh_wait_seconds}) {
     counters->Add({{"device", device}});
   }
+  impl_->device_degraded.Add({{"device", device}});
 }
 
 void JobMetrics::set_store(int64_t bytes, int64_t damaged) {
@@ -301,6 +308,10 @@ void JobMetrics::set_device_memory(const std::string& device, int64_t bytes_tota
   };
   set("total", bytes_total);
   set("free", bytes_free);
+}
+
+void JobMetrics::set_degraded(const std::string& device, bool is_degraded) {
+  if (impl_) impl_->device_degraded.Add({{"device", device}}).Set(is_degraded ? 1 : 0);
 }
 
 }  // namespace voxeld

@@ -54,6 +54,8 @@ class JobMetrics {
   // Memory of all workers of the device.
   void set_worker_memory(const std::string& device, int64_t bytes);
   void set_device_memory(const std::string& device, int64_t bytes_total, int64_t bytes_free);
+  // Whether the CPU went on in place of the device in the last job of one of its workers.
+  void set_degraded(const std::string& device, bool is_degraded);
 
  private:
   struct Impl;

@@ -26,6 +26,7 @@ struct JobRecord {
   int64_t queued_ms = 0;             // Unix time: accepted, or preempted last
   std::string request_id, trace_id;  // of the request that submitted it
   bool was_preempted = false;        // by the change that gave this record
+  bool is_result_gone = false;       // its result expired or was deleted
 };
 
 struct SubmitOptions {

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "proto/limits.h"
+#include "proto/messages/job.h"
 #include "proto/messages/sequence.h"
+#include "proto/result.h"
 
 namespace voxeld {
 
@@ -16,6 +18,12 @@ struct StoredBlob {
   std::string id;
   int64_t bytes = 0;
   std::filesystem::path path;
+};
+
+// A job, and the file of its result or why there is none: JobService::get_result().
+struct JobAndResult {
+  JobStatus status;
+  Result<StoredBlob> file;
 };
 
 // A list of stored results.
@@ -34,6 +42,13 @@ struct KeptResult {
 struct ListedFrame {
   int64_t index = 0;  // among the request's frames
   SequenceFrame frame;
+};
+
+// A native container with tiles of a job's grid. The file of a running job may be removed at any
+// time.
+struct TileFile {
+  std::filesystem::path path;
+  int64_t first_tile = 0;  // tiles of the grid before those of the container
 };
 
 // The frames of a job with an index from `first` on, at most `count` of them.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,9 @@ struct WorkerState {
   int64_t restarts = 0;
   std::string task;        // job id it runs, or empty
   std::string last_error;  // of a device that cannot be opened
+  // The error of the last job that used the device, in whose place the CPU went on; empty: the
+  // device works.
+  std::string device_failure;
   std::string device_json;
   std::string sandbox;       // "full", "off", or what is missing
   int64_t memory_bytes = 0;  // that its process takes; 0: not looked at yet
@@ -37,9 +41,16 @@ struct QueueView {
     std::string device, renderer;
     int64_t workers = 0;  // that are connected
     int64_t workers_busy = 0;
+    int64_t memory_bytes = 0;       // that its workers take
     std::vector<std::string> jobs;  // those of the caller that run on it
   };
+  struct Store {
+    int64_t bytes = 0;  // of stored files
+    int64_t disk_free_bytes = 0, disk_bytes = 0;
+  };
   std::vector<Device> devices;
+  // Set for an admin, and if there is one tenant: memory and storage reveal what others do.
+  std::optional<Store> store;
   int64_t queued = 0, running = 0;                // of all tenants
   int64_t others_queued = 0, others_running = 0;  // of tenants that the caller does not see
 };
@@ -61,6 +72,11 @@ struct TaskLimits {
   int64_t all_workers_memory_bytes_max = 0;
   // Bytes that one worker has written for its task: storage-full. 0: a quarter of the disk.
   int64_t scratch_bytes_max = 0;
+  // Messages of a worker's connection: in the long run, and at once. A worker reports five times a
+  // second, asks for the device up to 20 times a second, and hands over the frames and images of an
+  // animation as fast as it makes them. One that says more keeps the gateway busy: it ends.
+  double messages_per_second_max = 2000;
+  double messages_at_once_max = 10'000;
 };
 
 }  // namespace voxeld

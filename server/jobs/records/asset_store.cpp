@@ -179,27 +179,30 @@ Status check_bundle(SqlConnection& connection, std::string_view tenant, std::str
 
 Result<Asset> AssetStore::put(const Caller& caller, const BlobInfo& blob,
                               const std::string& filename, const std::string& content_type,
-                              int64_t bytes_max) {
+                              int64_t bytes_max, Durability durability) {
   std::optional<Asset> asset;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  const auto put_it = [&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(asset,
                   put_named(connection, blobs_, caller, blob, filename, content_type, bytes_max));
     return {};
-  });
+  };
+  const Status committed = database_.write(put_it, durability);
   VOXELD_TRY(committed);
   return *std::move(asset);
 }
 
 Result<Asset> AssetStore::put_bundle(const Caller& caller, const BlobInfo& blob,
                                      const std::string& filename,
-                                     const std::vector<BundleFile>& files, int64_t bytes_max) {
+                                     const std::vector<BundleFile>& files, int64_t bytes_max,
+                                     Durability durability) {
   std::optional<Asset> asset;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  const auto put_it = [&](SqlConnection& connection) -> Status {
     VOXELD_TRY(put_files(connection, caller.tenant(), blob.id, files));
     VOXELD_ASSIGN(asset, put_named(connection, blobs_, caller, blob, filename,
                                    std::string(kBundleMediaType), bytes_max));
     return {};
-  });
+  };
+  const Status committed = database_.write(put_it, durability);
   VOXELD_TRY(committed);
   return *std::move(asset);
 }

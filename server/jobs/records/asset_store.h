@@ -26,11 +26,13 @@ class AssetStore {
   // payload-too-large where the caller's tenant would keep more than `bytes_max` (0: any); conflict
   // when the blob was removed since it was stored, which a pinned one cannot be.
   Result<Asset> put(const Caller& caller, const BlobInfo& blob, const std::string& filename,
-                    const std::string& content_type, int64_t bytes_max);
+                    const std::string& content_type, int64_t bytes_max,
+                    Durability durability = Durability::kNow);
   // The same for a bundle manifest with these files. Errors: as put(); not-found and gone, naming
   // the file whose asset is not there; malformed-bundle for a bundle in a bundle.
   Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, const std::string& filename,
-                           const std::vector<BundleFile>& files, int64_t bytes_max);
+                           const std::vector<BundleFile>& files, int64_t bytes_max,
+                           Durability durability = Durability::kNow);
   // The files of the tenant's bundle, in the order of the manifest; none if it is not a bundle.
   Result<std::vector<BundleFile>> bundle_files(std::string_view tenant, std::string_view id);
   // Errors: not-found, gone.

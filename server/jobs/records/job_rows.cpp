@@ -46,7 +46,8 @@ std::string select_text(JobTexts texts) {
          cut("j.error_expected") + ", " + cut("j.error_got") +
          ", j.request_id, j.trace_id, j.result_seq, r.blob, r.bytes, r.media_type, " +
          cut("r.filename") + ", r.grid, " + whole("r.meta_json") + ", " + whole("r.warnings_json") +
-         ", r.sequence, r.frames FROM jobs j LEFT JOIN results r ON r.seq = j.result_seq";
+         ", r.sequence, r.frames, r.expired_ms FROM jobs j LEFT JOIN results r ON r.seq = "
+         "j.result_seq";
 }
 const std::string& select_of(JobTexts texts) {
   static const std::string whole = select_text(JobTexts::kWhole);
@@ -170,6 +171,7 @@ JobRecord read_record(const SqlStatement& statement) {
   result.sequence = column.text();
   const int64_t frames = column.int64();
   if (frames > 0) status.frames_done = status.frames_total = frames;
+  record.is_result_gone = column.int64() != 0;
   if (status.cached) result.filename = name_of_cached(status.filename, result.filename);
   status.result = std::move(result);
   return record;

@@ -265,7 +265,7 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
   const std::string options_json = canonical_json(request.options, option_scope(request));
   const std::string& tenant = caller.tenant();
   std::optional<Submitted> submitted;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  const auto insert = [&](SqlConnection& connection) -> Status {
     const int64_t now = unix_time_ms();
     const std::string key_hash = idempotency_hash(request);  // before the name is filled in
     if (!options.idempotency_key.empty()) {
@@ -301,8 +301,8 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     VOXELD_ASSIGN(JobRecord record, record_change(connection, id));
     submitted = Submitted{std::move(record), false};
     return {};
-  });
-  VOXELD_TRY(committed);
+  };
+  VOXELD_TRY(database_.write(insert, options.transient ? Durability::kSoon : Durability::kNow));
   return *std::move(submitted);
 }
 
@@ -344,7 +344,7 @@ Result<std::vector<std::string>> JobStore::reusable(const Caller& caller, JobReq
 Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker, const PickHead& pick,
                                                  QueueOrder order) {
   std::optional<JobRecord> claimed;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  const auto take = [&](SqlConnection& connection) -> Status {
     const int64_t now = unix_time_ms();
     VOXELD_ASSIGN(const std::optional<std::string> id,
                   claim_next(connection, worker, now, order, pick));
@@ -357,14 +357,15 @@ Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker, const 
     }
     VOXELD_ASSIGN(claimed, record_change(connection, *id));
     return {};
-  });
-  VOXELD_TRY(committed);
+  };
+  // A claim that power loss undoes ends with its worker: the job waits as before.
+  VOXELD_TRY(database_.write(take, Durability::kSoon));
   return claimed;
 }
 
 Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task, const LiveJob& live) {
   std::optional<JobRecord> ended;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  const auto end = [&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
     if (!running) return {};
     const JobResult& result = task.result;
@@ -381,8 +382,8 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task, co
     }
     VOXELD_ASSIGN(ended, record_change(connection, task.task));
     return {};
-  });
-  VOXELD_TRY(committed);
+  };
+  VOXELD_TRY(database_.write(end, task.durability));
   return ended;
 }
 

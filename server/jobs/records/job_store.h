@@ -1,4 +1,5 @@
-// Jobs in the database: every transition of JobState is one method here, durable when it returns.
+// Jobs in the database: every transition of JobState is one method here, durable when it returns;
+// of a transient job, and a claim of any, soon after.
 //
 //   submit ──> queued ──claim──> running ──complete──> done
 //                │ ^                │ └────fail──────> failed | cancelled (error `cancelled`)
@@ -38,6 +39,7 @@ struct FinishedTask {
   int64_t frames = 0;  // of result.sequence
   int64_t grid_bytes = 0, sequence_bytes = 0;
   int64_t bytes_max = 0;  // that the job's tenant may keep; 0: any
+  Durability durability = Durability::kNow;
 };
 
 // Facts of a running job that are not yet in the database.

@@ -139,6 +139,8 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
   }
   VOXELD_TRY(blobs_.disk().for_jobs());
   verify_reusable(caller, request);
+  // Its input, or the result that it ends with, may be what a transient job left a moment ago.
+  if (!options.transient) VOXELD_TRY(blobs_.sync());
   VOXELD_ASSIGN(JobStore::Submitted submitted,
                 jobs_.submit(caller, request, options, queue_limits(caller)));
   JobRecord& record = submitted.record;
@@ -199,6 +201,16 @@ Status Service::list(const Caller& caller, const JobQuery& query,
   });
 }
 
+Result<QueueView> Service::queue(const Caller& caller) {
+  VOXELD_ASSIGN(QueueView view, queue_view(jobs_, workers(), caller));
+  const bool is_only_tenant = caller.tenant().empty();  // the daemon asks for no key
+  if (!caller.sees_all() && !is_only_tenant) return view;
+  VOXELD_ASSIGN(const int64_t free_bytes, blobs_.disk().free_bytes());
+  VOXELD_ASSIGN(const int64_t disk_bytes, blobs_.disk().total_bytes());
+  view.store = QueueView::Store{blobs_.bytes(), free_bytes, disk_bytes};
+  return view;
+}
+
 Status Service::list_queue(const Caller& caller, JobState state, const std::string& after,
                            const std::function<bool(const QueuedJob&)>& take) {
   const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief, after};
@@ -242,10 +254,22 @@ Result<StoredBlob> Service::stored(std::string_view id, std::string_view what) {
   return StoredBlob{std::move(blob.id), blob.bytes, std::move(file)};
 }
 
+Result<JobAndResult> Service::get_with_result(const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id, JobTexts::kBrief));
+  overlay(record.status);
+  const JobStatus& status = record.status;
+  auto file = status.result && !record.is_result_gone ? result_file(status) : result_of(status);
+  return JobAndResult{std::move(record.status), std::move(file)};
+}
+
+Result<StoredBlob> Service::result_file(const JobStatus& status) {
+  return stored(status.result->blob, "the result of the job " + status.id);
+}
+
 Result<StoredBlob> Service::result_of(const JobStatus& status) {
   if (status.result) {
     VOXELD_TRY(jobs_.check_result(status.id));
-    return stored(status.result->blob, "the result of the job " + status.id);
+    return result_file(status);
   }
   return Error{ErrorCode::kConflict, "the job " + status.id + " has no result", "done",
                std::string(job_state_name(status.state))};

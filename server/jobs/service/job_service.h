@@ -46,8 +46,12 @@ class JobService {
   virtual ~JobService() = default;
 
   // --- assets
-  // Begins an upload of at most `bytes_max` bytes. Errors: storage-full.
-  virtual Result<BlobWriter> begin_upload(int64_t bytes_max) = 0;
+  // Begins an upload of at most `bytes_max` bytes. kSoon: for a transient job, whose client is told
+  // nothing before it has ended. Errors: storage-full.
+  virtual Result<BlobWriter> begin_upload(int64_t bytes_max, Durability durability) = 0;
+  Result<BlobWriter> begin_upload(int64_t bytes_max) {
+    return begin_upload(bytes_max, Durability::kNow);
+  }
   // The bytes that an upload of the caller may have within its tenant's quota. `asked`: its length,
   // 0 if unknown. Blobs that the tenant has already cost nothing. An upload of the length of one of
   // them is therefore accepted here; put_asset() decides by its hash. Errors: quota-exceeded,
@@ -55,11 +59,19 @@ class JobService {
   virtual Result<int64_t> upload_room(const Caller& caller, int64_t asked) = 0;
   // Registers what a writer of begin_upload() finished. Errors: as upload_room().
   virtual Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
-                                  std::string content_type) = 0;
+                                  std::string content_type, Durability durability) = 0;
+  Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
+                          std::string content_type) {
+    return put_asset(caller, blob, std::move(filename), std::move(content_type), Durability::kNow);
+  }
   // The same for a manifest with these files. Errors: not-found and gone, naming the file whose
   // asset is not there; malformed-bundle for a bundle in a bundle.
   virtual Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
-                                   const std::vector<BundleFile>& files) = 0;
+                                   const std::vector<BundleFile>& files, Durability durability) = 0;
+  Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
+                           const std::vector<BundleFile>& files) {
+    return put_bundle(caller, blob, std::move(filename), files, Durability::kNow);
+  }
   virtual Result<Asset> get_asset(const Caller& caller, std::string_view id) = 0;
   // Calls `take` with one asset after the other, newest first, until it returns false. Assets of
   // several tenants with the same bytes are separate. Descriptions are left out.
@@ -70,11 +82,11 @@ class JobService {
   virtual Status delete_asset(const Caller& caller, std::string_view id) = 0;
 
   // --- jobs
-  // Durable when it returns. Equal work of the same tenant that is done already (same input,
-  // canonical options and algorithm version) comes back at once with `cached` set, unless use_cache
-  // is off. Errors: not-found (asset, file of a bundle, grid, sequence), gone, invalid-option,
-  // queue-full, too-many-requests (the tenant's own jobs), idempotency-mismatch, shutting-down,
-  // storage-full where the disk has no room for more rows.
+  // Durable when it returns, with its input, unless it is transient. Equal work of the same tenant
+  // that is done already (same input, canonical options and algorithm version) comes back at once
+  // with `cached` set, unless use_cache is off. Errors: not-found (asset, file of a bundle, grid,
+  // sequence), gone, invalid-option, queue-full, too-many-requests (the tenant's own jobs),
+  // idempotency-mismatch, shutting-down, storage-full where the disk has no room for more rows.
   virtual Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                                    const SubmitOptions& options) = 0;
   // The status that submit() would return now, without a job: estimate, place in the queue and
@@ -98,17 +110,26 @@ class JobService {
                                                int64_t after_id) = 0;
   // Idempotent. A running job ends within a tile.
   virtual Result<JobStatus> cancel(const Caller& caller, std::string_view id) = 0;
+  // In brief, with its result's file, both as they are at one moment. Errors: not-found.
+  virtual Result<JobAndResult> get_with_result(const Caller& caller, std::string_view id) = 0;
   // The bytes that a finished job left. Errors: not-found; conflict before it is done; gone when
   // they expired, made room for others or were damaged on disk.
   Result<StoredBlob> get_result(const Caller& caller, std::string_view job) {
-    VOXELD_ASSIGN(const JobStatus status, get(caller, job));
-    return result_of(status);
+    VOXELD_ASSIGN(const JobAndResult found, get_with_result(caller, job));
+    return found.file;
   }
   // The same of a status that its caller was given a moment ago.
   virtual Result<StoredBlob> result_of(const JobStatus& status) = 0;
 
   // --- grids: native containers, by content id. Errors: not-found; gone as of get_result().
   virtual Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) = 0;
+
+  // The container that has tile `tile` of a job's grid, counted in their Morton order: while the
+  // job runs, one of its finished tiles, nullopt if there is none yet; once it is done, its grid,
+  // also for a tile that the grid does not have. status: one that its caller was given a moment
+  // ago. Errors: conflict for a job that makes no grid of its own, or several; as get_result() of a
+  // job that has ended.
+  virtual Result<std::optional<TileFile>> tiles_of(const JobStatus& status, int64_t tile) = 0;
 
   // --- frames
   // While the job runs, too; those of a job that failed or was cancelled stay. Errors: not-found.

@@ -20,6 +20,7 @@ Result<QueueView> queue_view(JobStore& jobs, const std::vector<WorkerState>& wor
     device.device = worker.device;
     if (!worker.renderer.empty()) device.renderer = worker.renderer;
     device.workers += worker.connected ? 1 : 0;
+    device.memory_bytes += worker.memory_bytes;
     if (worker.task.empty()) continue;
     ++device.workers_busy;
     if (jobs.get(caller, worker.task)) device.jobs.push_back(worker.task);

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <semaphore>
 #include <string>
 #include <utility>
@@ -65,9 +66,9 @@ class Service final : public JobService {
 
   Status start();
 
-  Result<BlobWriter> begin_upload(int64_t bytes_max) override {
+  Result<BlobWriter> begin_upload(int64_t bytes_max, Durability durability) override {
     VOXELD_TRY(sweep_.room());
-    return blobs_.begin(bytes_max);
+    return blobs_.begin(bytes_max, durability);
   }
   Result<int64_t> upload_room(const Caller& caller, int64_t asked) override;
   TenantLimits limits(const Caller& caller) override {
@@ -75,12 +76,12 @@ class Service final : public JobService {
   }
   Result<TenantUsage> usage(const Caller& caller) override { return jobs_.usage(caller.tenant()); }
   Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
-                          std::string content_type) override {
-    return assets_.put(caller, blob, filename, content_type, limits(caller).bytes);
+                          std::string content_type, Durability durability) override {
+    return assets_.put(caller, blob, filename, content_type, limits(caller).bytes, durability);
   }
   Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
-                           const std::vector<BundleFile>& files) override {
-    return assets_.put_bundle(caller, blob, filename, files, limits(caller).bytes);
+                           const std::vector<BundleFile>& files, Durability durability) override {
+    return assets_.put_bundle(caller, blob, filename, files, limits(caller).bytes, durability);
   }
   Result<Asset> get_asset(const Caller& caller, std::string_view id) override {
     return assets_.get(caller, id);
@@ -105,6 +106,7 @@ class Service final : public JobService {
   Result<std::vector<JobEvent>> events(const Caller& caller, std::string_view id,
                                        int64_t after_id) override;
   Result<JobStatus> cancel(const Caller& caller, std::string_view id) override;
+  Result<JobAndResult> get_with_result(const Caller& caller, std::string_view id) override;
   Result<StoredBlob> result_of(const JobStatus& status) override;
 
   Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) override;
@@ -121,14 +123,13 @@ class Service final : public JobService {
   Status delete_sequence(const Caller& caller, std::string_view id) override {
     return let_go(results_.delete_sequence(caller, id));
   }
+  Result<std::optional<TileFile>> tiles_of(const JobStatus& status, int64_t tile) override;
   Result<JobFrames> frames(const Caller& caller, std::string_view job,
                            const FrameRange& range) override;
   Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
     return frames_.read(caller, id);
   }
-  Result<QueueView> queue(const Caller& caller) override {
-    return queue_view(jobs_, workers(), caller);
-  }
+  Result<QueueView> queue(const Caller& caller) override;
   Status list_queue(const Caller& caller, JobState state, const std::string& after,
                     const std::function<bool(const QueuedJob&)>& take) override;
   std::vector<WorkerState> workers() override;
@@ -156,7 +157,9 @@ class Service final : public JobService {
   int supervised_workers() const;
   void keep_reserve();
   void note_each_second();
+  void sync_soon();
   Result<StoredBlob> stored(std::string_view id, std::string_view what);
+  Result<StoredBlob> result_file(const JobStatus& status);
   // The sweep looks at these blobs, and removes those that nothing needs.
   Status let_go(const Result<ResultStore::Ids>& ids);
   void verify_reusable(const Caller& caller, const JobRequest& request);

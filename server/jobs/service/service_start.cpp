@@ -148,8 +148,16 @@ void Service::keep_reserve() {
   supervisor->keep_reserve(reserve_of(config_.isolation(), supervised_workers()));
 }
 
+// What transient jobs left becomes durable: first the blobs, then the rows that name them.
+void Service::sync_soon() {
+  for (const Status& synced : {blobs_.sync(), database_->sync()}) {
+    if (!synced) log::warn("cannot sync the store", {{"error", synced.error().message()}});
+  }
+}
+
 void Service::note_each_second() {
   keep_reserve();
+  sync_soon();
   if (const int64_t now_ms = clock_.now_ms(); now_ms - clock_noted_ms_ >= kClockNoteMs) {
     mark_->note_clock(now_ms, clock_.wall_ms());
     clock_noted_ms_ = now_ms;
@@ -181,6 +189,7 @@ void Service::stop() {
   step([&] {
     if (supervisor_ != nullptr) supervisor_->stop(kWorkerGraceSeconds);
   });
+  step([&] { sync_soon(); });
 }
 
 // At start: the jobs that an earlier process left.

@@ -356,14 +356,14 @@ void Dispatcher::replace(const std::vector<int64_t>& workers) {
       worker->is_replaced = true;
       pids.push_back(worker->info.pid);
       context_.metrics.worker_replaced(worker->info.device);
+      // Under the lock: a session that sees the mark ends its connection, and a process that left
+      // before it is known as replaced counts as a crash.
+      if (config_.replace_worker) config_.replace_worker(worker->info.pid);
     }
     ++work_epoch_;
     work_.notify_all();
   }
-  for (const int64_t pid : pids) {
-    log::info("worker is replaced", {{"pid", pid}});
-    if (config_.replace_worker) config_.replace_worker(pid);
-  }
+  for (const int64_t pid : pids) log::info("worker is replaced", {{"pid", pid}});
 }
 
 // --- preemption

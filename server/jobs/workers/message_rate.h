@@ -6,26 +6,26 @@
 #include <string>
 
 #include "proto/result.h"
+#include "server/jobs/model/worker_state.h"
 
 namespace voxeld {
 
-// A worker reports five times a second, asks for the device up to 20 times a second, and hands over
-// the frames and images of an animation as fast as it makes them. One that says more than this
-// keeps the gateway busy: its connection ends. Not thread-safe.
+// TaskLimits::messages_per_second_max and messages_at_once_max. Not thread-safe.
 class MessageRate {
  public:
-  static constexpr double kPerSecondMax = 2000;
-  static constexpr double kAtOnceMax = 10'000;
+  explicit MessageRate(const TaskLimits& limits)
+      : per_second_max_(limits.messages_per_second_max),
+        at_once_max_(limits.messages_at_once_max) {}
 
   // Takes one message into account. Errors: bad-request.
   Status take() {
     const auto now = Clock::now();
     const double seconds = std::chrono::duration<double>(now - at_).count();
-    left_ = std::min(left_ + seconds * kPerSecondMax, kAtOnceMax);
+    left_ = std::min(left_ + seconds * per_second_max_, at_once_max_);
     at_ = now;
     if (left_ < 1) {
       return Error{ErrorCode::kBadRequest, "too many task messages",
-                   "at most " + std::to_string(static_cast<int>(kPerSecondMax)) + " in a second",
+                   "at most " + std::to_string(static_cast<int>(per_second_max_)) + " in a second",
                    "more"};
     }
     left_ -= 1;
@@ -34,7 +34,8 @@ class MessageRate {
 
  private:
   using Clock = std::chrono::steady_clock;
-  double left_ = kAtOnceMax;
+  double per_second_max_, at_once_max_;
+  double left_ = at_once_max_;
   Clock::time_point at_ = Clock::now();
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/container/grid_directory.h"
 #include "server/base/clock.h"
 #include "server/base/file.h"
 #include "server/base/log.h"
@@ -15,11 +16,24 @@ namespace voxeld {
 
 namespace fs = std::filesystem;
 
-// The limits of the tenant that the job belongs to.
-TenantLimits OutputAdopter::limits_of(std::string_view task) {
-  if (!config_.limits_of) return {};
-  const auto record = context_.jobs.get(Caller::daemon(), task);
-  return record ? config_.limits_of(record->tenant) : TenantLimits{};
+namespace {
+
+// Tiles of a native container. Errors: those of GridDirectory.
+Result<int64_t> tile_count(const fs::path& container) {
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(container));
+  VOXELD_ASSIGN(const GridDirectory directory, GridDirectory::open(file.bytes()));
+  return static_cast<int64_t>(directory.tile_count());
+}
+
+}  // namespace
+
+OutputAdopter::Terms OutputAdopter::terms_of(std::string_view task) {
+  const auto record = context_.jobs.get(Caller::daemon(), task, JobTexts::kBrief);
+  Terms terms;
+  if (!record) return terms;
+  if (config_.limits_of) terms.limits = config_.limits_of(record->tenant);
+  if (record->transient) terms.durability = Durability::kSoon;
+  return terms;
 }
 
 Status OutputAdopter::adopt_outputs(const WorkerFiles& files, const TaskCompletion& completion,
@@ -32,7 +46,7 @@ Status OutputAdopter::adopt_outputs(const WorkerFiles& files, const TaskCompleti
   for (const TaskOutput& output : completion.outputs) {
     if (!adopted.contains(output.path)) {  // a native result is its own grid: one file, two roles
       VOXELD_ASSIGN(const fs::path taken, files.take(output.path));
-      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(taken));
+      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(taken, finished.durability));
     }
     const BlobInfo& blob = adopted[output.path];
     if (output.role == "grid") {
@@ -56,6 +70,7 @@ Result<std::optional<JobRecord>> OutputAdopter::complete(const WorkerFiles& file
                                                          TaskCompletion completion) {
   const LiveJob seen = context_.live(completion.task);
   const auto fail = [&](const Error& error) {
+    files.clear();  // first, since the disk may be full of what it wrote
     return context_.jobs.fail(completion.task, completion.fence, error, seen);
   };
   const Stopwatch watch;
@@ -63,7 +78,9 @@ Result<std::optional<JobRecord>> OutputAdopter::complete(const WorkerFiles& file
   FinishedTask finished;
   finished.task = completion.task;
   finished.fence = completion.fence;
-  finished.bytes_max = limits_of(completion.task).bytes;
+  const Terms terms = terms_of(completion.task);
+  finished.bytes_max = terms.limits.bytes;
+  finished.durability = terms.durability;
   if (const Status stored = adopt_outputs(files, completion, adopted, finished); !stored) {
     return fail(stored.error());
   }
@@ -93,10 +110,11 @@ Result<std::optional<BlobInfo>> OutputAdopter::add_frame(const WorkerFiles& file
                                                          int64_t frames_total) {
   VOXELD_TRY(check_scratch(files.written(), config_.limits.scratch_bytes_max));
   VOXELD_ASSIGN(const fs::path taken, files.take(frame.path));
-  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken));
+  const Terms terms = terms_of(frame.task);
+  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken, terms.durability));
   // The first frames of a job may come before its first progress.
   const int64_t total = std::max(frame.frames_total, frames_total);
-  auto listed = context_.frames.add(frame, blob, total, limits_of(frame.task).bytes);
+  auto listed = context_.frames.add(frame, blob, total, terms.limits.bytes);
   if (!listed) {
     const std::string id = blob.id;
     blob = {};  // lets go of it
@@ -113,7 +131,10 @@ Status OutputAdopter::add_part(const WorkerFiles& files, const TaskPart& part) {
   const auto taken = files.take(part.path);
   VOXELD_TRY(context_.disk.for_data());
   if (!taken) return taken.error();
-  return context_.parts.add(part.task, part.position, *taken);
+  VOXELD_ASSIGN(const int64_t tiles, tile_count(*taken));
+  VOXELD_TRY(context_.parts.add(part.task, part.position, tiles, *taken));
+  context_.board.tiles_kept(part.task);
+  return {};
 }
 
 }  // namespace voxeld

@@ -34,7 +34,12 @@ class OutputAdopter {
   // `adopted` keeps them in the store until the database names them.
   Status adopt_outputs(const WorkerFiles& files, const TaskCompletion& completion,
                        std::map<std::string, BlobInfo>& adopted, FinishedTask& finished);
-  TenantLimits limits_of(std::string_view task);
+  // What the job's tenant may keep, and how durable that is.
+  struct Terms {
+    TenantLimits limits;
+    Durability durability = Durability::kNow;
+  };
+  Terms terms_of(std::string_view task);
 
   const TaskServerConfig& config_;
   const TaskServerContext& context_;

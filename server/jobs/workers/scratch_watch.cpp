@@ -54,7 +54,7 @@ Status check_scratch(const std::vector<fs::path>& folders, int64_t bytes_max) {
                "at most " + std::to_string(bytes_max) + " bytes", std::to_string(bytes)};
 }
 
-ScratchWatch::ScratchWatch(int64_t bytes_max, const DiskRoom& disk, Calls calls)
+ScratchWatch::ScratchWatch(int64_t bytes_max, DiskRoom& disk, Calls calls)
     : bytes_max_(bytes_max), disk_(disk), calls_(std::move(calls)) {
   thread_ = std::thread([this] { run(); });
 }

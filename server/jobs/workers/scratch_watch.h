@@ -40,7 +40,7 @@ class ScratchWatch {
     // The worker has to go, and its job ends with this.
     std::function<void(const WatchedScratch&, const Error&)> condemned;
   };
-  ScratchWatch(int64_t bytes_max, const DiskRoom& disk, Calls calls);
+  ScratchWatch(int64_t bytes_max, DiskRoom& disk, Calls calls);
   ~ScratchWatch();
   ScratchWatch(const ScratchWatch&) = delete;
   ScratchWatch& operator=(const ScratchWatch&) = delete;
@@ -50,7 +50,7 @@ class ScratchWatch {
   void look() const;
 
   const int64_t bytes_max_;
-  const DiskRoom& disk_;
+  DiskRoom& disk_;
   const Calls calls_;
   Mutex mutex_;
   CondVar wake_;

@@ -16,7 +16,7 @@ using nlohmann::json;
 class SliceConnection {
  public:
   SliceConnection(FrameSocket& socket, const SliceServerContext& context)
-      : socket_(socket), context_(context) {}
+      : socket_(socket), context_(context), rate_(context.limits) {}
   ~SliceConnection() { give(); }
   SliceConnection(const SliceConnection&) = delete;
   SliceConnection& operator=(const SliceConnection&) = delete;

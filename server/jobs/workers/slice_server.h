@@ -6,6 +6,7 @@
 #include "proto/messages/task_api.h"
 #include "proto/result.h"
 #include "server/jobs/events/job_board.h"
+#include "server/jobs/model/worker_state.h"
 #include "server/jobs/scheduling/time_slices.h"
 #include "server/process/frame_socket.h"
 
@@ -15,6 +16,7 @@ struct SliceServerContext {
   TimeSlices& slices;
   const JobBoard& board;  // knows of cancels
   const std::atomic<bool>& stopping;
+  const TaskLimits& limits;
 };
 
 // Serves requests until the worker closes the connection or breaks the protocol. Its time slice is

@@ -31,6 +31,7 @@ struct TaskServerConfig {
   std::function<std::string(int64_t pid)> exit_reason;
   std::function<void(int64_t pid)> kill_worker;
   // Ends an idle worker; another one starts in its place. null: its connection closes, no more.
+  // Called with the dispatcher locked, so it must not call it.
   std::function<void(int64_t pid)> replace_worker;
   std::function<WorkerIsolation()> isolation;  // asked before each claim; null: kNone
   // Tasks of a device that run at a time, where it has more processes: `reserve` tells by how many.

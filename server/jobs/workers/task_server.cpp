@@ -94,8 +94,13 @@ void TaskServer::device_failed(WorkerState state) {
 }
 
 WorkerSessionContext TaskServer::session_context() {
-  return {config_,  context_,  dispatcher_,
-          outputs_, stopping_, [this](WorkerState state) { device_failed(std::move(state)); }};
+  return {config_,
+          context_,
+          dispatcher_,
+          outputs_,
+          stopping_,
+          [this](WorkerState state) { device_failed(std::move(state)); },
+          [this](const std::string& device) { report_device(device); }};
 }
 
 void TaskServer::accept_loop() {
@@ -123,7 +128,7 @@ void TaskServer::add_connection(UniqueFd fd) {
     connection.thread = std::thread([this, session = connection.session.get()] {
       const auto device = [&] { return session->state().device; };
       session->run();
-      guarded("a worker's connection", [&] { report_memory(device()); });
+      guarded("a worker's connection", [&] { report_device(device()); });
     });
   } catch (const std::exception&) {  // no memory, too many threads: the worker tries again
     connections_.pop_back();
@@ -203,18 +208,22 @@ void TaskServer::measured(const WatchedWorker& worker, int64_t memory_bytes) {
       device = state.device;
     }
   }
-  report_memory(device);
+  report_device(device);
 }
 
-void TaskServer::report_memory(const std::string& device) const {
+void TaskServer::report_device(const std::string& device) const {
   if (device.empty()) return;
   int64_t bytes = 0;
+  bool is_degraded = false;
   MutexLock lock(mutex_);
   for (const Connection& connection : connections_) {
     const WorkerState state = connection.session->state();
-    if (state.connected && state.device == device) bytes += state.memory_bytes;
+    if (!state.connected || state.device != device) continue;
+    bytes += state.memory_bytes;
+    is_degraded = is_degraded || !state.device_failure.empty();
   }
   context_.metrics.set_worker_memory(device, bytes);
+  context_.metrics.set_degraded(device, is_degraded);
 }
 
 // A worker that is stopped or hangs keeps its task for a while yet, and the device no longer.

@@ -53,7 +53,8 @@ class TaskServer {
   std::vector<WatchedWorker> watched() const EXCLUDES(mutex_);
   std::vector<WatchedScratch> watched_scratch() const EXCLUDES(mutex_);
   void measured(const WatchedWorker& worker, int64_t memory_bytes) EXCLUDES(mutex_);
-  void report_memory(const std::string& device) const EXCLUDES(mutex_);
+  // Sets the metrics of the device's workers together.
+  void report_device(const std::string& device) const EXCLUDES(mutex_);
   void take_slice(const WatchedWorker& worker);
   void end_worker(const WatchedWorker& worker, const std::string& reason,
                   const std::optional<Error>& verdict) EXCLUDES(mutex_);

@@ -58,6 +58,17 @@ Status check_taken(const fs::path& file) {
   return check_closed(fd.get(), file);
 }
 
+constexpr int kLinkTriesMax = 1000;
+
+// For a file system without links, or with too many of them.
+Result<std::string> copied(const fs::path& blob, const fs::path& given) {
+  std::error_code failed;
+  fs::copy_file(blob, given, failed);
+  if (!failed) return given.string();
+  errno = failed.value();
+  return errno_error("copy", blob);
+}
+
 }  // namespace
 
 WorkerFiles::~WorkerFiles() {
@@ -86,16 +97,16 @@ std::vector<fs::path> WorkerFiles::written() const {
 
 Result<std::string> WorkerFiles::hand_over(const fs::path& blob) const {
   const fs::path given = root_ / kInput / blob.filename();
-  if (::link(blob.c_str(), given.c_str()) == 0 || errno == EEXIST) return given.string();
-  if (errno == ENOENT) {
-    return Error{ErrorCode::kNotFound, "the file " + blob.filename().string() + " is not stored",
-                 "", ""};
+  // The store replaces a file when the same bytes come again. A link to the one that was found, and
+  // has lost its name since, fails as one to a file that is not there.
+  for (int tries = 0; ::link(blob.c_str(), given.c_str()) != 0 && errno != EEXIST; ++tries) {
+    if (errno != ENOENT) return copied(blob, given);
+    if (tries == kLinkTriesMax || ::access(blob.c_str(), F_OK) != 0) {
+      return Error{ErrorCode::kNotFound, "the file " + blob.filename().string() + " is not stored",
+                   "", ""};
+    }
   }
-  std::error_code failed;  // a file system without links, or with too many of them
-  fs::copy_file(blob, given, failed);
-  if (!failed) return given.string();
-  errno = failed.value();
-  return errno_error("copy", blob);
+  return given.string();
 }
 
 Result<fs::path> WorkerFiles::take(const std::string& output) const {

@@ -20,7 +20,8 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-constexpr double kHelloSecondsMax = 30.0;  // a busy machine opens a device in seconds
+constexpr size_t kDeviceFailureBytesMax = 2000;  // of a worker's text; the rest is cut
+constexpr double kHelloSecondsMax = 30.0;        // a busy machine opens a device in seconds
 // Duration of one message, from its first byte until the worker has taken the reply.
 constexpr double kMessageSecondsMax = 10.0;
 // Part of the reported device memory that tasks may use; drivers and other processes need some.
@@ -58,6 +59,7 @@ WorkerSession::WorkerSession(int64_t number, UniqueFd connection, fs::path folde
     : number_(number),
       context_(context),
       socket_(std::move(connection), kTaskFrameBytesMax),
+      rate_(context.config.limits),
       files_(std::move(folder)) {
   socket_.distrust(limits::kWorkerMessageBytesMax,
                    std::min(kMessageSecondsMax, context.config.limits.silence_seconds_max));
@@ -135,8 +137,9 @@ Status WorkerSession::converse() {
     VOXELD_ASSIGN(const SlicesHello worker, parse_slices_hello(first));
     device_ = worker.device;
     pid_ = worker.pid;
-    return serve_slices(socket_, worker,
-                        {context_.parts.slices, context_.parts.board, context_.stopping});
+    return serve_slices(
+        socket_, worker,
+        {context_.parts.slices, context_.parts.board, context_.stopping, context_.config.limits});
   }
   VOXELD_TRY(greet(first));
   while (!context_.stopping) {
@@ -184,6 +187,7 @@ void WorkerSession::enter(const WorkerHello& hello) {
     state_.pid = hello.pid;
     state_.device_json = hello.device_json;
     state_.sandbox = hello.sandbox;
+    state_.device_failure = hello.device_failure.substr(0, kDeviceFailureBytesMax);
     state_.connected = true;
   }
   context_.dispatcher.add(
@@ -195,7 +199,9 @@ void WorkerSession::enter(const WorkerHello& hello) {
                                  {"pid", hello.pid},
                                  {"renderer", hello.renderer},
                                  {"driver", hello.driver},
-                                 {"sandbox", hello.sandbox}});
+                                 {"sandbox", hello.sandbox},
+                                 {"device_failure", hello.device_failure}});
+  context_.device_changed(hello.device);
   if (config.on_connected) config.on_connected(hello.device);
 }
 
@@ -362,6 +368,7 @@ Status WorkerSession::take_frame(const json& message) {
   }
   reply.fenced = !blob || !*blob;
   if (!blob) {  // the disk is full, for one: the job cannot end well
+    files_.clear();
     VOXELD_ASSIGN(const auto ended, context_.parts.jobs.fail(frame.task, frame.fence, blob.error(),
                                                              context_.parts.live(frame.task)));
     if (ended) end_task(*ended);
@@ -399,6 +406,7 @@ Status WorkerSession::take_failure(const json& message) {
       stop_age_seconds() >= 0) {
     failure.error = deadline_error();
   }
+  files_.clear();  // first, since the disk may be full of what it wrote
   VOXELD_ASSIGN(const auto ended,
                 context_.parts.jobs.fail(failure.task, failure.fence, failure.error,
                                          context_.parts.live(failure.task)));
@@ -408,7 +416,16 @@ Status WorkerSession::take_failure(const json& message) {
 }
 
 Status WorkerSession::take_device_failure(const Error& error) {
-  if (state().connected) return protocol_error("fail.task", "a job", "none");
+  if (state().connected) {
+    log::warn(error.detail.empty() ? "the device works again" : "the CPU replaces the device",
+              {{"device", device_}, {"error", error.detail}});
+    {
+      MutexLock lock(mutex_);
+      state_.device_failure = error.detail.substr(0, kDeviceFailureBytesMax);
+    }
+    context_.device_changed(device_);
+    return send({{"ok", true}});
+  }
   WorkerState failed;
   failed.device = device_;
   failed.pid = pid_;
@@ -552,7 +569,10 @@ Result<std::optional<JobRecord>> WorkerSession::end_lost(const std::string& task
     verdict = verdict_;
   }
   const LiveJob live = context_.parts.live(task_id);
-  if (verdict) return context_.parts.jobs.fail(task_id, fence_, *verdict, live);
+  if (verdict) {
+    files_.clear();  // first, since the disk may be full of what it wrote
+    return context_.parts.jobs.fail(task_id, fence_, *verdict, live);
+  }
   return context_.parts.jobs.lose_worker(task_id, fence_, reason, counts, live);
 }
 

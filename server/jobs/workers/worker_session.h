@@ -36,6 +36,8 @@ struct WorkerSessionContext {
   const std::atomic<bool>& stopping;
   // A worker could not open its device; its process ends next. On the session's thread.
   std::function<void(WorkerState)> device_failed;
+  // A worker's device_failure changed. On the session's thread.
+  std::function<void(const std::string& device)> device_changed;
 };
 
 // run() and what it calls belong to the session's thread; the other public calls are thread-safe.

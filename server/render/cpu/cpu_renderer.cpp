@@ -5,14 +5,17 @@
 
 #include "proto/thread_pool.h"
 #include "server/base/check.h"
+#include "server/render/cpu/ground_cells.h"
 #include "server/render/cpu/raymarch_pixel.h"
 #include "server/render/image_blocks.h"
 #include "server/render/raymarch_params.h"
+#include "server/render/silhouette.h"
 
 namespace voxeld {
 
-CpuRenderer::CpuRenderer(int threads)
-    : threads_(threads > 0 ? threads : static_cast<int>(ThreadPool::shared().threads())) {
+CpuRenderer::CpuRenderer(int threads, CpuIsa isa)
+    : threads_(threads > 0 ? threads : static_cast<int>(ThreadPool::shared().threads())),
+      kernel_(march_kernel(isa)) {
   VOXELD_CHECK(set_grid(Grid{}).ok(), "an empty grid can be packed");
 }
 
@@ -27,11 +30,15 @@ Status CpuRenderer::set_grid(const Grid& grid) {
   return {};
 }
 
-// Rows differ much in cost, so each thread takes the next remaining row.
-template <typename DrawRow>
-void CpuRenderer::for_each_row(int first, int count, const DrawRow& draw_row) const {
+// Rows differ much in cost, so each thread takes the next remaining ones.
+template <typename DrawRows>
+void CpuRenderer::for_each_rows(int count, int height, const DrawRows& draw_rows) const {
   ThreadPool::shared().for_each(
-      static_cast<size_t>(count), [&](size_t row) { draw_row(first + static_cast<int>(row)); },
+      static_cast<size_t>((height + count - 1) / count),
+      [&](size_t part) {
+        const int first = static_cast<int>(part) * count;
+        draw_rows(first, std::min(count, height - first));
+      },
       static_cast<size_t>(threads_));
 }
 
@@ -39,29 +46,54 @@ Result<RenderImage> CpuRenderer::render(const RenderOptions& options,
                                         const BlockProgress& progress) {
   VOXELD_ASSIGN(const shared::RaymarchParams params,
                 raymarch_params(grid_, options, wanted_samples(options, quality_)));
-  const RaymarchBindings bindings{params, grid_, raymarch_variant(grid_, options)};
+  const RaymarchBindings bindings{params, grid_, raymarch_variant(grid_, options), kernel_};
   RenderImage image{options.width, options.height,
                     std::vector<uint8_t>(size_t{4} * options.width * options.height)};
-  VOXELD_TRY(for_each_block(
-      options.width, options.height, progress,
-      [&](int left, int bottom, int width, int height) -> Status {
-        for_each_row(bottom, height, [&](int y) {
-          const size_t row = static_cast<size_t>(options.height - 1 - y) * options.width + left;
-          for (int x = 0; x < width; ++x) {
-            const auto rgba = raymarch_color(bindings, left + x, y);
-            std::copy(rgba.begin(), rgba.end(), &image.rgba[4 * (row + x)]);
-          }
-        });
-        return {};
-      }));
+  const Subject subject = subject_of(grid_);
+  const Silhouette silhouette(make_camera(options, subject), subject, options.width,
+                              options.height);
+  const float samples = static_cast<float>(params.box_high.w * params.box_high.w);
+  // A band of a block's rows.
+  const auto draw_band = [&](int left, int bottom, int width, int rows) {
+    std::vector<glm::vec4> seen(static_cast<size_t>(width) * rows);
+    RaymarchPixels pixels(bindings);
+    GroundCells ground(width);
+    ground.begin();
+    for (int row = 0; row < rows; ++row) {
+      glm::vec4* const sums = &seen[static_cast<size_t>(row) * width];
+      const auto [first, end] = silhouette.row(bottom + row);
+      const int begin = std::max(first - left, 0), count = std::min(end - left, width) - begin;
+      if (count > 0) pixels.seen(left + begin, bottom + row, count, sums + begin);
+      for (int x = 0; bindings.variant.ground && x < width; ++x) {
+        if (sums[x].w < samples) ground.want(x, row);
+      }
+    }
+    ground.find([&](int x, int row) { return pixels.ground(left + x, bottom + row); });
+    for (int row = 0; row < rows; ++row) {
+      const size_t y = static_cast<size_t>(options.height - 1 - bottom - row);
+      for (int x = 0; x < width; ++x) {
+        const glm::vec4& sum = seen[static_cast<size_t>(row) * width + x];
+        const float darkness = ground.is_wanted(x, row) ? ground.value(x, row) : 0.0f;
+        const auto rgba = pixels.color(left + x, bottom + row, sum, darkness);
+        std::ranges::copy(rgba, &image.rgba[4 * (y * options.width + left + x)]);
+      }
+    }
+  };
+  VOXELD_TRY(for_each_block(options.width, options.height, progress,
+                            [&](int left, int bottom, int width, int height) -> Status {
+                              for_each_rows(GroundCells::kSide, height, [&](int first, int rows) {
+                                draw_band(left, bottom + first, width, rows);
+                              });
+                              return {};
+                            }));
   return image;
 }
 
 Result<std::vector<Hit>> CpuRenderer::render_hits(const RenderOptions& options) {
   VOXELD_ASSIGN(const shared::RaymarchParams params, raymarch_params(grid_, options, 1));
-  const RaymarchBindings bindings{params, grid_, {}};
+  const RaymarchBindings bindings{params, grid_, {}, kernel_};
   std::vector<Hit> hits(static_cast<size_t>(options.width) * options.height);
-  for_each_row(0, options.height, [&](int y) {
+  for_each_rows(1, options.height, [&](int y, int) {
     const size_t row = static_cast<size_t>(options.height - 1 - y) * options.width;
     for (int x = 0; x < options.width; ++x) hits[row + x] = raymarch_hit(bindings, x, y);
   });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/render/cpu/ray_lanes.h"
 #include "shaders/glsl_float.h"
 
 namespace voxeld {
@@ -15,15 +16,18 @@ namespace voxeld {
 #define RAYMARCH_LIGHT 0
 #define RAYMARCH_GROUND 0
 #define RAYMARCH_OUTLINE 0
+#define RAYMARCH_LANES 1
 namespace raymarch_colors {
-using namespace glsl;  // NOLINT(google-build-using-namespace)
+using namespace glsl;       // NOLINT(google-build-using-namespace)
+using namespace ray_lanes;  // NOLINT(google-build-using-namespace)
 #include "raymarch_frag.h"
 }  // namespace raymarch_colors
 
 #undef RAYMARCH_OUTLINE
 #define RAYMARCH_OUTLINE 1
 namespace raymarch_outlines {
-using namespace glsl;  // NOLINT(google-build-using-namespace)
+using namespace glsl;       // NOLINT(google-build-using-namespace)
+using namespace ray_lanes;  // NOLINT(google-build-using-namespace)
 #include "raymarch_frag.h"
 }  // namespace raymarch_outlines
 
@@ -34,9 +38,11 @@ using namespace glsl;  // NOLINT(google-build-using-namespace)
 #undef RAYMARCH_GROUND
 #define RAYMARCH_GROUND 1
 namespace raymarch_lit_colors {
-using namespace glsl;  // NOLINT(google-build-using-namespace)
+using namespace ray_lanes;  // NOLINT(google-build-using-namespace)
+using namespace glsl;       // NOLINT(google-build-using-namespace)
 #include "raymarch_frag.h"
 }  // namespace raymarch_lit_colors
+#undef RAYMARCH_LANES
 
 #define RAYMARCH_HITS 1
 namespace raymarch_hits {
@@ -66,31 +72,69 @@ Invocation bind(const RaymarchBindings& bindings, int x, int y) {
           .gl_FragCoord = {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, 0.0f, 1.0f}};
 }
 
-template <typename Invocation, typename Params>
-std::array<uint8_t, 4> color_of(const RaymarchBindings& bindings, int x, int y) {
-  auto invocation = bind<Invocation, Params>(bindings, x, y);
-  invocation.main();
-  std::array<uint8_t, 4> rgba{};
-  for (int i = 0; i < 4; ++i) {
-    const float value = std::clamp(invocation.out_color[i], 0.0f, 1.0f);
-    rgba[static_cast<size_t>(i)] = static_cast<uint8_t>(std::floor(255.0f * value + 0.5f));
-  }
-  return rgba;
-}
+// The functions that main() calls are the same in all variants but that with a ground.
+using Plain = raymarch_colors::RaymarchInvocation;
+using PlainParams = raymarch_colors::RaymarchParams;
+using Lit = raymarch_lit_colors::RaymarchInvocation;
+using LitParams = raymarch_lit_colors::RaymarchParams;
+using Outlines = raymarch_outlines::RaymarchInvocation;
+using OutlinesParams = raymarch_outlines::RaymarchParams;
 
 }  // namespace
 
-std::array<uint8_t, 4> raymarch_color(const RaymarchBindings& bindings, int x, int y) {
-  if (bindings.variant.outline) {
-    using namespace raymarch_outlines;  // NOLINT(google-build-using-namespace)
-    return color_of<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+struct [[gnu::visibility("hidden")]] RaymarchPixels::Impl {
+  explicit Impl(const RaymarchBindings& all)
+      : bindings(all),
+        lanes(all.kernel),
+        plain(lanes, invocation<Plain, PlainParams>(0, 0)),
+        lit(lanes, invocation<Lit, LitParams>(0, 0)) {}
+
+  template <typename Invocation, typename Params>
+  Invocation invocation(int x, int y) {
+    Invocation made = bind<Invocation, Params>(bindings, x, y);
+    made.lanes = &lanes;
+    return made;
   }
-  if (bindings.variant.light || bindings.variant.ground) {
-    using namespace raymarch_lit_colors;  // NOLINT(google-build-using-namespace)
-    return color_of<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+
+  const RaymarchBindings bindings;
+  ray_lanes::PixelLanes lanes;
+  ray_lanes::SampleRays<Plain, false> plain;
+  ray_lanes::SampleRays<Lit, true> lit;
+};
+
+RaymarchPixels::RaymarchPixels(const RaymarchBindings& bindings)
+    : impl_(std::make_unique<Impl>(bindings)) {}
+RaymarchPixels::~RaymarchPixels() = default;
+
+void RaymarchPixels::seen(int x, int y, int count, glm::vec4* sums) {
+  if (impl_->bindings.variant.outline) {
+    for (int i = 0; i < count; ++i) {
+      sums[i] = impl_->invocation<Outlines, OutlinesParams>(x + i, y).seen_in_pixel();
+    }
+  } else if (impl_->bindings.variant.light) {
+    impl_->lit.find([&](int i) { return impl_->invocation<Lit, LitParams>(x + i, y); }, count,
+                    sums);
+  } else {
+    impl_->plain.find([&](int i) { return impl_->invocation<Plain, PlainParams>(x + i, y); }, count,
+                      sums);
   }
-  using namespace raymarch_colors;  // NOLINT(google-build-using-namespace)
-  return color_of<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+}
+
+float RaymarchPixels::ground(int x, int y) {
+  Lit invocation = impl_->invocation<Lit, LitParams>(x, y);
+  return invocation.ground_at(glm::vec2(invocation.gl_FragCoord));
+}
+
+std::array<uint8_t, 4> RaymarchPixels::color(int x, int y, const glm::vec4& seen,
+                                             float ground) const {
+  Plain invocation = bind<Plain, PlainParams>(impl_->bindings, x, y);
+  const glm::vec4 color = invocation.over_background(invocation.with_ground(seen, ground));
+  std::array<uint8_t, 4> rgba{};
+  for (int i = 0; i < 4; ++i) {
+    const float value = std::clamp(color[i], 0.0f, 1.0f);
+    rgba[static_cast<size_t>(i)] = static_cast<uint8_t>(std::floor(255.0f * value + 0.5f));
+  }
+  return rgba;
 }
 
 Hit raymarch_hit(const RaymarchBindings& bindings, int x, int y) {

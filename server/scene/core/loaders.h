@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "proto/result.h"
@@ -14,6 +16,8 @@ namespace voxeld {
 
 struct LoadOptions {
   bool decode_images = true;  // off: inspection needs only names
+  // Name or number of a variant of a glTF file's materials; unset: the materials of its primitives.
+  std::optional<std::string> variant = {};
 };
 
 // `bundle` resolves the files that the mesh names; `name` appears in
@@ -23,6 +27,12 @@ Result<Scene> load_obj(std::string_view name, std::span<const uint8_t> bytes, co
 Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes);
 Result<Scene> load_stl(std::string_view name, std::span<const uint8_t> bytes);
 Result<Scene> load_off(std::string_view name, std::span<const uint8_t> bytes);
+// The model part that a bundle begins with if it is a 3MF package; nullopt if it is none. Errors:
+// malformed-mesh for relationships that are not XML.
+Result<std::optional<std::string>> find_3mf_model(const Bundle& bundle);
+// Loads the build of a package from the model part that it begins with.
+Result<Scene> load_3mf(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
+                       const LoadOptions& options);
 // Loads an md5mesh in its bind pose.
 Result<Scene> load_md5(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                        const LoadOptions& options);

@@ -8,11 +8,11 @@
 #include "proto/limits.h"
 #include "proto/number_text.h"
 #include "server/scene/core/mesh_error.h"
+#include "server/scene/gltf/draco.h"
+#include "server/scene/gltf/meshopt.h"
 
 namespace voxeld::gltf {
 namespace {
-
-enum ComponentType { kI8 = 5120, kU8 = 5121, kI16 = 5122, kU16 = 5123, kU32 = 5125, kF32 = 5126 };
 
 // Bytes of a component type; 0 for an unknown one.
 uint64_t bytes_of(int component_type) {
@@ -112,8 +112,9 @@ Result<std::span<const uint8_t>> Accessors::buffer_bytes(size_t index) {
       return over_limit(document_.name, where, "bytes of all buffers together", kBufferBytesMax,
                         static_cast<int64_t>(buffer_bytes_));
     }
-  } else if (!buffer.compressed_by.empty()) {
-    return unread_extension(document_.name, where, "the data is compressed", buffer.compressed_by);
+  } else if (!buffer.fallback_of.empty()) {
+    return document_.malformed(where, "only views with " + buffer.fallback_of + " have data here",
+                               "a view with the extension", "a view without it");
   } else if (index != 0 || !container_.bin) {
     return document_.malformed(where + ".uri", "the buffer has no data",
                                container_.is_glb ? "a uri, or a BIN chunk for buffers[0]" : "a uri",
@@ -131,16 +132,110 @@ Result<std::span<const uint8_t>> Accessors::buffer_bytes(size_t index) {
   return loaded.data;
 }
 
+Result<std::span<const uint8_t>> Accessors::buffer_range(size_t index, uint64_t offset,
+                                                         uint64_t bytes, const std::string& path) {
+  VOXELD_ASSIGN(const auto buffer, buffer_bytes(index));
+  if (is_inside(offset, bytes, buffer.size())) return buffer.subspan(offset, bytes);
+  return document_.malformed(path, "the range lies outside of " + at_index("buffers", index),
+                             "at most " + std::to_string(buffer.size()) + " bytes",
+                             from_byte(bytes, offset));
+}
+
+Status Accessors::count_decoded(uint64_t bytes, const std::string& path) {
+  if (bytes <= kDecodedBytesMax - decoded_bytes_) {
+    decoded_bytes_ += bytes;
+    return {};
+  }
+  return document_.malformed(path, "bytes of all compressed data, decoded",
+                             "at most " + std::to_string(kDecodedBytesMax), "more");
+}
+
+Result<std::span<const uint8_t>> Accessors::decoded_view(int index) {
+  const auto found = decoded_views_.find(index);
+  if (found != decoded_views_.end()) return std::span<const uint8_t>(found->second);
+  const View& view = document_.views[index];
+  const CompressedView& from = *view.compressed;
+  const std::string path = at_index("bufferViews", index) + ".extensions." + from.extension;
+  VOXELD_ASSIGN(const auto stream,
+                buffer_range(from.buffer, from.offset_bytes, from.length_bytes, path));
+  VOXELD_TRY(count_decoded(view.length_bytes, path));
+  VOXELD_ASSIGN(auto bytes, decode_meshopt(document_, index, stream));
+  return std::span<const uint8_t>(decoded_views_.emplace(index, std::move(bytes)).first->second);
+}
+
 Result<std::span<const uint8_t>> Accessors::view_bytes(int index) {
   const View& view = document_.views[index];
-  VOXELD_ASSIGN(const auto buffer, buffer_bytes(view.buffer));
-  if (is_inside(view.offset_bytes, view.length_bytes, buffer.size())) {
-    return buffer.subspan(view.offset_bytes, view.length_bytes);
+  if (view.compressed) return decoded_view(index);
+  return buffer_range(view.buffer, view.offset_bytes, view.length_bytes,
+                      at_index("bufferViews", index));
+}
+
+Status Accessors::decode(const Primitive& primitive, const std::string& path) {
+  if (!primitive.draco) return {};
+  const std::string where = path + ".extensions.KHR_draco_mesh_compression";
+  const int view = primitive.draco->view;
+  const auto is_wanted = [&](int accessor) {
+    const Accessor& one = document_.accessors[accessor];
+    if (one.view >= 0 || one.sparse) return false;
+    const auto found = decoded_accessors_.find(accessor);
+    return found == decoded_accessors_.end() || found->second.view != view;
+  };
+  DracoMesh mesh;
+  std::vector<int> accessors;  // of mesh.attributes
+  uint64_t decoded_bytes = 0;
+  for (const auto& [name, accessor] : primitive.attributes) {
+    const auto id = primitive.draco->ids.find(name);
+    if (id == primitive.draco->ids.end() || !is_wanted(accessor)) continue;
+    const Accessor& one = document_.accessors[accessor];
+    mesh.attributes.push_back({.name = name,
+                               .id = static_cast<uint32_t>(id->second),
+                               .component_type = one.component_type,
+                               .component_count = one.component_count});
+    accessors.push_back(accessor);
+    decoded_bytes +=
+        one.count * bytes_of(one.component_type) * static_cast<uint64_t>(one.component_count);
   }
-  return document_.malformed(at_index("bufferViews", index),
-                             "the range lies outside of " + at_index("buffers", view.buffer),
-                             "at most " + std::to_string(buffer.size()) + " bytes",
-                             from_byte(view.length_bytes, view.offset_bytes));
+  const bool has_indices = primitive.indices >= 0 && is_wanted(primitive.indices);
+  if (accessors.empty() && !has_indices) return {};
+  const auto position = primitive.attributes.find("POSITION");
+  if (primitive.indices < 0 || position == primitive.attributes.end()) {
+    return document_.malformed(path, "a Draco stream stands for indices and POSITION", "both",
+                               "one is missing");
+  }
+  constexpr int kTriangles = 4;
+  if (primitive.mode != kTriangles) {
+    Error error = document_.malformed(path + ".mode", "mode of a primitive with a Draco stream",
+                                      "4 (triangles)", std::to_string(primitive.mode));
+    error.code = ErrorCode::kUnsupportedFeature;
+    return error;
+  }
+  const Accessor& indices = document_.accessors[primitive.indices];
+  if (indices.component_count != 1 || !is_allowed(indices.component_type, Expected::kUnsigned)) {
+    return document_.malformed(at_index("accessors", primitive.indices) + ".componentType",
+                               "component type of indices", text_of(Expected::kUnsigned),
+                               std::to_string(indices.component_type));
+  }
+  mesh.point_count = document_.accessors[position->second].count;
+  mesh.triangle_count = indices.count / 3;
+  if (mesh.triangle_count > uint64_t{limits::kTrianglesMax}) {
+    return over_limit(document_.name, where, "triangles of the scene", limits::kTrianglesMax,
+                      static_cast<int64_t>(mesh.triangle_count));
+  }
+  decoded_bytes += indices.count * sizeof(uint32_t);
+  VOXELD_TRY(count_decoded(decoded_bytes, where));
+  VOXELD_ASSIGN(const auto stream, view_bytes(view));
+  VOXELD_TRY(decode_draco(document_, where, stream, mesh));
+  for (size_t i = 0; i < accessors.size(); ++i) {
+    DracoAttribute& attribute = mesh.attributes[i];
+    decoded_accessors_[accessors[i]] = {view, attribute.component_type,
+                                        std::move(attribute.values)};
+  }
+  if (has_indices) {
+    std::vector<uint8_t> bytes(mesh.indices.size() * sizeof(uint32_t));
+    std::memcpy(bytes.data(), mesh.indices.data(), bytes.size());
+    decoded_accessors_[primitive.indices] = {view, kU32, std::move(bytes)};
+  }
+  return {};
 }
 
 Result<std::span<const uint8_t>> Accessors::view_range(int view, uint64_t offset, uint64_t bytes,
@@ -152,7 +247,7 @@ Result<std::span<const uint8_t>> Accessors::view_range(int view, uint64_t offset
                              from_byte(bytes, offset));
 }
 
-Status Accessors::check(const Accessor& accessor, const std::string& path,
+Status Accessors::check(const Accessor& accessor, bool is_decoded, const std::string& path,
                         const Expected& expected) const {
   const std::string use(expected.use);
   if (accessor.component_count < expected.components_min ||
@@ -175,20 +270,23 @@ Status Accessors::check(const Accessor& accessor, const std::string& path,
   };
   VOXELD_TRY(limit("elements of " + use, 3 * uint64_t{limits::kTrianglesMax}));
   // Keys and matrices have limits of their own.
-  if (expected.types == Expected::kFloat || accessor.view >= 0) return {};
+  if (expected.types == Expected::kFloat || accessor.view >= 0 || is_decoded) return {};
   return limit("elements of " + use + " without a bufferView", kZeroElementsMax);
 }
 
 Result<Elements> Accessors::open(int index, const Expected& expected) {
   const Accessor& accessor = document_.accessors[index];
   const std::string path = at_index("accessors", index);
-  VOXELD_TRY(check(accessor, path, expected));
-  const uint64_t component_bytes = bytes_of(accessor.component_type);
+  const auto decoded = decoded_accessors_.find(index);
+  const bool is_decoded = decoded != decoded_accessors_.end();
+  VOXELD_TRY(check(accessor, is_decoded, path, expected));
+  const int component_type = is_decoded ? decoded->second.component_type : accessor.component_type;
+  const uint64_t component_bytes = bytes_of(component_type);
   const uint64_t element_bytes = component_bytes * static_cast<uint64_t>(accessor.component_count);
   Elements elements{.count = accessor.count,
                     .component_count = accessor.component_count,
                     .stride_bytes = element_bytes,
-                    .component_type = accessor.component_type,
+                    .component_type = component_type,
                     .component_bytes = component_bytes,
                     .element_bytes = element_bytes,
                     .is_normalized = accessor.normalized};
@@ -204,6 +302,14 @@ Result<Elements> Accessors::open(int index, const Expected& expected) {
     const uint64_t bytes = (accessor.count - 1) * elements.stride_bytes + element_bytes;
     VOXELD_ASSIGN(const auto data, view_range(accessor.view, accessor.offset_bytes, bytes, path));
     elements.data = data.data();
+  } else if (is_decoded) {
+    const std::vector<uint8_t>& bytes = decoded->second.bytes;
+    if (accessor.count > bytes.size() / element_bytes) {
+      return document_.malformed(path + ".count", "elements of the Draco stream",
+                                 std::to_string(bytes.size() / element_bytes),
+                                 std::to_string(accessor.count));
+    }
+    elements.data = bytes.data();
   }
   if (accessor.sparse) VOXELD_TRY(fill_sparse(index, path, elements));
   return elements;

@@ -29,6 +29,8 @@ inline constexpr uint64_t kBufferBytesMax = uint64_t{8} << 30;
 inline constexpr uint64_t kZeroElementsMax = uint64_t{1} << 24;
 // Bytes of all sparse accessors of one file after they are filled in. More: malformed-mesh.
 inline constexpr uint64_t kSparseBytesMax = uint64_t{1} << 30;
+// Bytes of all compressed buffer views and primitives of one file, decoded. More: malformed-mesh.
+inline constexpr uint64_t kDecodedBytesMax = uint64_t{4} << 30;
 
 enum class Scaling {
   kAsDeclared,  // integers of a normalized accessor are scaled to [-1, 1] or [0, 1]
@@ -79,6 +81,10 @@ class Accessors {
   Result<Elements> open(int accessor, const Expected& expected);
   // The bytes of a buffer view. Errors: as above.
   Result<std::span<const uint8_t>> view_bytes(int view);
+  // Gives the accessors of a primitive that has `draco`, and that have no bytes of their own, those
+  // of its stream; to be called before they are opened. `path`: of the primitive, for errors.
+  // Errors: as above, and those of decode_draco().
+  Status decode(const Primitive& primitive, const std::string& path);
 
  private:
   struct LoadedBuffer {
@@ -88,10 +94,15 @@ class Accessors {
   };
   Result<std::span<const uint8_t>> buffer_bytes(size_t index);
   Result<std::vector<uint8_t>> read_uri(const std::string& uri, const std::string& where) const;
-  Status check(const Accessor& accessor, const std::string& path, const Expected& expected) const;
+  Status check(const Accessor& accessor, bool is_decoded, const std::string& path,
+               const Expected& expected) const;
   Result<std::span<const uint8_t>> view_range(int view, uint64_t offset, uint64_t bytes,
                                               const std::string& path);
   Status fill_sparse(int accessor, const std::string& path, Elements& elements);
+  Result<std::span<const uint8_t>> buffer_range(size_t buffer, uint64_t offset, uint64_t bytes,
+                                                const std::string& path);
+  Result<std::span<const uint8_t>> decoded_view(int view);
+  Status count_decoded(uint64_t bytes, const std::string& path);
 
   const Document& document_;
   const Container& container_;
@@ -100,6 +111,14 @@ class Accessors {
   uint64_t buffer_bytes_ = 0;
   std::map<int, std::vector<uint8_t>> filled_;  // sparse accessors
   uint64_t filled_bytes_ = 0;
+  std::map<int, std::vector<uint8_t>> decoded_views_;
+  struct DecodedAccessor {
+    int view = -1;  // that it was decoded from
+    int component_type = 0;
+    std::vector<uint8_t> bytes;
+  };
+  std::map<int, DecodedAccessor> decoded_accessors_;
+  uint64_t decoded_bytes_ = 0;
 };
 
 }  // namespace voxeld::gltf

@@ -19,12 +19,26 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr const char* kDraco = "KHR_draco_mesh_compression";
+constexpr const char* kInstancing = "EXT_mesh_gpu_instancing";
+constexpr const char* kVariants = "KHR_materials_variants";
+constexpr const char* kMeshopt[] = {"KHR_meshopt_compression", "EXT_meshopt_compression"};
+
+constexpr std::string_view kReadExtensions =
+    "KHR_draco_mesh_compression, KHR_materials_*, KHR_mesh_quantization, KHR_texture_transform, "
+    "EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp";
 
 // Whether the extension is read, or does not affect shape and base colour.
 bool is_read_extension(std::string_view name) {
-  constexpr std::array<std::string_view, 6> kNames = {
-      "EXT_texture_webp",      "KHR_animation_pointer", "KHR_lights_punctual",
-      "KHR_mesh_quantization", "KHR_texture_transform", "KHR_xmp_json_ld"};
+  constexpr std::array<std::string_view, 10> kNames = {kDraco,
+                                                       kInstancing,
+                                                       kMeshopt[0],
+                                                       kMeshopt[1],
+                                                       "EXT_texture_webp",
+                                                       "KHR_animation_pointer",
+                                                       "KHR_lights_punctual",
+                                                       "KHR_mesh_quantization",
+                                                       "KHR_texture_transform",
+                                                       "KHR_xmp_json_ld"};
   return name.starts_with("KHR_materials_") ||
          std::find(kNames.begin(), kNames.end(), name) != kNames.end();
 }
@@ -85,8 +99,8 @@ static void members(JsonObject o, Accessor& to) {
 static void members(JsonObject o, Buffer& to) {
   o.required("byteLength", to.length_bytes);
   o.optional("extensions", [&](JsonObject extensions) {
-    for (const char* name : {"KHR_meshopt_compression", "EXT_meshopt_compression"}) {
-      extensions.optional(name, [&](JsonObject) { to.compressed_by = name; });
+    for (const char* name : kMeshopt) {
+      extensions.optional(name, [&](JsonObject) { to.fallback_of = name; });
     }
   });
   if (!o.has("uri")) return;
@@ -94,11 +108,28 @@ static void members(JsonObject o, Buffer& to) {
   trim(*to.uri);
 }
 
+static void members(JsonObject o, CompressedView& to) {
+  o.required("buffer", to.buffer, "buffers");
+  o.required("byteLength", to.length_bytes);
+  o.optional("byteOffset", to.offset_bytes);
+  o.required("byteStride", to.stride_bytes);
+  o.required("count", to.count);
+  o.optional("filter", to.filter);
+  o.required("mode", to.mode);
+}
+
 static void members(JsonObject o, View& to) {
   o.required("buffer", to.buffer, "buffers");
   o.required("byteLength", to.length_bytes);
   o.optional("byteOffset", to.offset_bytes);
   o.optional("byteStride", to.stride_bytes);
+  o.optional("extensions", [&](JsonObject extensions) {
+    for (const char* name : kMeshopt) {
+      if (!extensions.has(name)) continue;
+      extensions.optional(name, to.compressed.emplace());
+      to.compressed->extension = name;
+    }
+  });
   if (to.stride_bytes % 4 != 0 || to.stride_bytes > 252) {
     o.refuse("byteStride", "wrong value", "a multiple of 4 from 4 to 252",
              std::to_string(to.stride_bytes));
@@ -190,10 +221,29 @@ static void members(JsonObject o, MaterialSource& to) {
   to.name = std::move(name);
 }
 
+static void members(JsonObject o, DracoSource& to) {
+  o.required("attributes", to.ids);
+  o.required("bufferView", to.view, "bufferViews");
+}
+
+struct VariantName {
+  std::string name;
+};
+
+static void members(JsonObject o, VariantName& to) {
+  o.required("name", to.name);
+}
+
+static void members(JsonObject o, VariantMaterial& to) {
+  o.required("material", to.material, "materials");
+  o.required("variants", to.variants);
+}
+
 static void members(JsonObject o, Primitive& to) {
   o.required("attributes", to.attributes, "accessors");
   o.optional("extensions", [&](JsonObject extensions) {
-    extensions.optional(kDraco, [&](JsonObject) { to.compressed_by = kDraco; });
+    if (extensions.has(kDraco)) extensions.optional(kDraco, to.draco.emplace());
+    extensions.optional(kVariants, [&](JsonObject by) { by.required("mappings", to.variants); });
   });
   o.optional("indices", to.indices, "accessors");
   o.optional("material", to.material, "materials");
@@ -210,6 +260,11 @@ static void members(JsonObject o, Mesh& to) {
 static void members(JsonObject o, Node& to) {
   std::vector<double> matrix, rotation, scale, translation;
   o.optional("children", to.children, "nodes");
+  o.optional("extensions", [&](JsonObject extensions) {
+    extensions.optional(kInstancing, [&](JsonObject instancing) {
+      instancing.required("attributes", to.instances.emplace(), "accessors");
+    });
+  });
   o.optional("matrix", matrix);
   o.optional("mesh", to.mesh, "meshes");
   o.optional("name", to.name);
@@ -293,11 +348,15 @@ void add_used(const Json& value, Names& names) {
 Status read_members(std::string_view name, Json& root, bool with_animations, Document& to,
                     Names& extensions) {
   std::vector<std::string> used, required;
+  std::vector<VariantName> variants;
   JsonReading reading{name, root};
   JsonObject o(reading, root);
   o.optional("accessors", to.accessors);
   o.optional("bufferViews", to.views);
   o.optional("buffers", to.buffers);
+  o.optional("extensions", [&](JsonObject by_name) {
+    by_name.optional(kVariants, [&](JsonObject by) { by.required("variants", variants); });
+  });
   o.optional("extensionsRequired", required);
   o.optional("extensionsUsed", used);
   o.optional("images", to.images);
@@ -312,6 +371,7 @@ Status read_members(std::string_view name, Json& root, bool with_animations, Doc
   to.has_animations = o.has("animations") && !root["animations"].empty();
   if (with_animations) o.optional("animations", to.animations);
   if (reading.error) return *std::move(reading.error);
+  for (VariantName& variant : variants) to.variants.push_back(std::move(variant.name));
   extensions.insert(used.begin(), used.end());
   extensions.insert(required.begin(), required.end());
   add_used(root, extensions);
@@ -409,7 +469,9 @@ Status check_version(std::string_view name, const Json& root) {
     if (!extension.is_string()) continue;
     const auto& text = extension.get_ref<const std::string&>();
     if (is_read_extension(text) || is_texture_extension(text)) continue;
-    return unread_extension(name, "", "the file requires the glTF extension " + shown(text), text);
+    return Error{ErrorCode::kUnsupportedFeature,
+                 std::string(name) + ": the file requires the glTF extension " + shown(text),
+                 "extensions that voxeld reads: " + std::string(kReadExtensions), shown(text)};
   }
   return {};
 }
@@ -479,16 +541,6 @@ Error Document::malformed(std::string_view where, std::string_view what, std::st
 
 std::string at_index(std::string_view array, size_t index) {
   return std::string(array) + "[" + std::to_string(index) + "]";
-}
-
-Error unread_extension(std::string_view name, std::string_view where, std::string_view what,
-                       std::string_view extension) {
-  Error error = malformed_mesh(name, where, what,
-                               "extensions that voxeld reads: KHR_mesh_quantization, "
-                               "KHR_texture_transform, KHR_materials_*, EXT_texture_webp",
-                               shown(extension));
-  error.code = ErrorCode::kUnsupportedFeature;
-  return error;
 }
 
 Result<Document> read_document(std::string_view name, std::string_view json, bool with_animations,

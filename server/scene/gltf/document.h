@@ -31,13 +31,24 @@ inline constexpr size_t kArrayElementsMax = 262'144;
 struct Buffer {
   uint64_t length_bytes = 0;
   std::optional<std::string> uri;
-  std::string compressed_by;  // an extension that alone gives the data; empty: none
+  // The extension whose views stand for the data; empty: none. Such a buffer may have no bytes.
+  std::string fallback_of;
+};
+
+// EXT_meshopt_compression: where the data of a view lies as a stream.
+struct CompressedView {
+  std::string extension;  // or KHR_meshopt_compression
+  int buffer = -1;
+  uint64_t offset_bytes = 0, length_bytes = 0;
+  uint64_t stride_bytes = 0, count = 0;  // of the elements
+  std::string mode, filter = "NONE";
 };
 
 struct View {
   int buffer = -1;
   uint64_t offset_bytes = 0, length_bytes = 0;
-  uint64_t stride_bytes = 0;  // 0: tightly packed
+  uint64_t stride_bytes = 0;                 // 0: tightly packed
+  std::optional<CompressedView> compressed;  // is read instead of the buffer
 };
 
 // Elements of an accessor that replace those of its buffer view, or zeros.
@@ -45,14 +56,16 @@ struct Sparse {
   uint64_t count = 0;
   int index_view = -1, value_view = -1;
   uint64_t index_offset_bytes = 0, value_offset_bytes = 0;
-  int index_type = 0;  // a component type
+  int index_type = 0;  // as Accessor::component_type
 };
+
+enum ComponentType { kI8 = 5120, kU8 = 5121, kI16 = 5122, kU16 = 5123, kU32 = 5125, kF32 = 5126 };
 
 struct Accessor {
   int view = -1;  // -1: zeros
   uint64_t offset_bytes = 0;
   uint64_t count = 0;
-  int component_type = 0;   // 5120 i8, 5121 u8, 5122 i16, 5123 u16, 5125 u32, 5126 float
+  int component_type = 0;   // a ComponentType, or a number that is none
   int component_count = 0;  // VEC3: 3, MAT4: 16; 0 for types that voxeld does not read
   bool normalized = false;
   std::optional<Sparse> sparse;
@@ -90,13 +103,26 @@ struct MaterialSource {
 
 using Attributes = std::map<std::string, int>;  // accessors by name
 
+// KHR_draco_mesh_compression: a stream with the triangles and attributes of a primitive.
+struct DracoSource {
+  int view = -1;
+  std::map<std::string, int> ids;  // of attributes in the stream, by name
+};
+
+// KHR_materials_variants: the material of a primitive in some of the document's variants.
+struct VariantMaterial {
+  std::vector<int> variants;  // not checked: the list of variants may stand behind the meshes
+  int material = -1;
+};
+
 struct Primitive {
   int mode = 4;
   int indices = -1;  // accessor
   int material = -1;
   Attributes attributes;
   std::vector<Attributes> targets;  // of morphing
-  std::string compressed_by;        // an extension; empty: none
+  std::optional<DracoSource> draco;
+  std::vector<VariantMaterial> variants;
 };
 
 struct Mesh {
@@ -123,6 +149,8 @@ struct Node {
   int mesh = -1, skin = -1;
   std::vector<int> children;
   std::vector<double> weights;  // empty: those of the mesh apply
+  // EXT_mesh_gpu_instancing: TRANSLATION, ROTATION, SCALE and _COLOR_0 of the copies of the mesh.
+  std::optional<Attributes> instances;
   glm::dmat4 parent_from_node{1.0};
   // The parts of parent_from_node, if the file gives no matrix.
   bool has_matrix = false;
@@ -162,6 +190,7 @@ struct Document {
   std::vector<Sampler> samplers;
   std::vector<Texture> textures;
   std::vector<MaterialSource> materials;
+  std::vector<std::string> variants;  // names, of the materials
   std::vector<Mesh> meshes;
   std::vector<Skin> skins;
   std::vector<Node> nodes;
@@ -178,10 +207,6 @@ struct Document {
 
 // "nodes[3]": the place of an element, as errors name it.
 std::string at_index(std::string_view array, size_t index);
-
-// unsupported-feature: the item at `where` cannot be read without `extension`.
-Error unread_extension(std::string_view name, std::string_view where, std::string_view what,
-                       std::string_view extension);
 
 // Reads the JSON of a glTF file. A scan bounds depth (limits::kGltfJsonDepthMax) and number of
 // values before it is parsed, so hostile text can exhaust neither stack nor memory. Animations are

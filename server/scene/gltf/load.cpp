@@ -12,6 +12,7 @@
 #include "server/scene/gltf/mesh.h"
 #include "server/scene/gltf/rig.h"
 #include "server/scene/gltf/textures.h"
+#include "server/scene/gltf/variants.h"
 
 namespace voxeld {
 namespace {
@@ -22,8 +23,9 @@ Status load(std::string_view name, std::span<const uint8_t> bytes, const Bundle&
   VOXELD_ASSIGN(const gltf::Container container, gltf::open_container(name, bytes));
   Scene& scene = to.scene;
   scene.format = container.is_glb ? "glb" : "gltf";
-  VOXELD_ASSIGN(const gltf::Document document,
+  VOXELD_ASSIGN(gltf::Document document,
                 gltf::read_document(name, container.json, with_rig, scene));
+  if (options.variant) VOXELD_TRY(gltf::choose_variant(document, *options.variant));
   if (!with_rig && document.has_animations) {
     add_warning(scene, "static-pose",
                 document.name + ": animations are left out; the mesh has the file's own pose");

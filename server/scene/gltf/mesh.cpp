@@ -22,6 +22,7 @@
 #include "server/scene/core/name_list.h"
 #include "server/scene/core/normals.h"
 #include "server/scene/core/vertex_table.h"
+#include "server/scene/gltf/instances.h"
 
 namespace voxeld::gltf {
 namespace {
@@ -46,8 +47,18 @@ struct VertexSource {
   std::vector<Target> targets;
   std::vector<Influences> influences;
   size_t joint_count = 0;
+  std::optional<glm::vec4> copy_color;  // of the copy of the mesh that is read
   // Indices of the rig's matrices and weights.
   uint32_t node_matrix = 0, first_joint_matrix = 0, first_weight = 0;
+
+  bool has_color() const { return color || copy_color; }
+};
+
+// How often a node shows its mesh, and with which matrices of the rig.
+struct Copies {
+  uint32_t first_matrix = 0;
+  size_t count = 1;
+  std::vector<glm::vec4> colors;  // empty: none
 };
 
 // The matrices that a vertex follows: those of its joints with a weight above 0, or that of its
@@ -104,7 +115,6 @@ class Vertices {
         source.uv_transform = material.transform;
       }
     }
-    source.node_matrix = rig_.matrix_of_node(node_index);
     VOXELD_TRY(open_targets(node_index, primitive, source));
     VOXELD_TRY(open_skin(document_.nodes[node_index].skin, primitive, source));
     return source;
@@ -135,12 +145,7 @@ class Vertices {
     if (source.uv) {
       part.uvs.push_back(transformed_uv(source.uv_transform, glm::dvec2(source.uv->vector(index))));
     }
-    if (source.color) {
-      glm::vec4 color(source.color->vector(index, Scaling::kAlways));
-      if (source.color->component_count == 3) color.a = 1.0f;
-      part.colors.emplace_back(unit_clamped(color.r), unit_clamped(color.g), unit_clamped(color.b),
-                               unit_clamped(color.a));
-    }
+    if (source.has_color()) part.colors.push_back(color_of(source, index));
     return {};
   }
 
@@ -151,6 +156,15 @@ class Vertices {
   }
 
  private:
+  static glm::vec4 color_of(const VertexSource& source, uint32_t index) {
+    glm::vec4 color(1.0f);
+    if (source.color) color = glm::vec4(source.color->vector(index, Scaling::kAlways));
+    if (source.color && source.color->component_count == 3) color.a = 1.0f;
+    color = {unit_clamped(color.r), unit_clamped(color.g), unit_clamped(color.b),
+             unit_clamped(color.a)};
+    return source.copy_color ? color * *source.copy_color : color;
+  }
+
   Result<std::optional<Elements>> open_attribute(const Attributes& attributes,
                                                  const std::string& key, int components_min,
                                                  int components_max, const VertexSource& source) {
@@ -299,11 +313,12 @@ class MeshLoader {
     const int mesh = document_.nodes[node].mesh;
     if (mesh < 0) return {};
     const auto& primitives = document_.meshes[mesh].primitives;
+    VOXELD_ASSIGN(const Copies copies, copies_of(node));
     for (size_t i = 0; i < primitives.size(); ++i) {
       if (primitives[i].mode < kTriangles) {
         ++skipped_primitive_count_;
       } else {
-        VOXELD_TRY(add_primitive(node, mesh, i));
+        VOXELD_TRY(add_primitive(node, mesh, i, copies));
       }
     }
     return {};
@@ -323,18 +338,31 @@ class MeshLoader {
   }
 
  private:
-  Status add_primitive(int node, int mesh, size_t index) {
+  // A mesh with a skin has the place that its joints give it, so there is one.
+  Result<Copies> copies_of(int index) {
+    const Node& node = document_.nodes[index];
+    Copies copies;
+    if (!node.instances || node.skin >= 0) {
+      copies.first_matrix = rig_.matrix_of_node(index);
+      return copies;
+    }
+    VOXELD_ASSIGN(Instances instances, read_instances(document_, accessors_, index));
+    copies.count = instances.node_from_instance.size();
+    copies.colors = std::move(instances.colors);
+    VOXELD_ASSIGN(copies.first_matrix,
+                  rig_.first_matrix_of_instances(index, instances.node_from_instance));
+    return copies;
+  }
+
+  Status add_primitive(int node, int mesh, size_t index, const Copies& copies) {
     const Primitive& primitive = document_.meshes[mesh].primitives[index];
     const std::string path = at_index(at_index("meshes", mesh) + ".primitives", index);
-    if (is_compressed(primitive)) {
-      return unread_extension(document_.name, path, "the data is compressed",
-                              primitive.compressed_by);
-    }
-    VOXELD_ASSIGN(const VertexSource source, vertices_.open(node, primitive, path));
+    VOXELD_TRY(accessors_.decode(primitive, path));
+    VOXELD_ASSIGN(VertexSource source, vertices_.open(node, primitive, path));
     VOXELD_ASSIGN(const std::vector<uint32_t> corners,
-                  triangles_of(primitive, path, source.position.count));
-    if (corners.empty()) return {};
-    VOXELD_ASSIGN(const bool is_mirrored, vertices_.is_mirrored(source, corners[0]));
+                  triangles_of(primitive, path, source.position.count, copies.count));
+    if (corners.empty() || copies.count == 0) return {};
+    if (!copies.colors.empty()) source.copy_color = copies.colors[0];
     const int material = textures_.use_material(primitive.material);
     MeshPart& part = part_for(node, index, material, source);
     if (material >= 0 && scene_.materials[material].image >= 0 && !source.uv) {
@@ -342,11 +370,25 @@ class MeshLoader {
                   document_.name + " " + path + ": has no coordinates for its texture");
     }
     const size_t first_corner = part.indices.size();
+    // A part that many primitives share grows on its own: each reserve() would copy it.
+    if (part.indices.empty()) part.indices.reserve(corners.size() * copies.count);
+    for (size_t i = 0; i < copies.count; ++i) {
+      source.node_matrix = copies.first_matrix + static_cast<uint32_t>(i);
+      if (!copies.colors.empty()) source.copy_color = copies.colors[i];
+      VOXELD_TRY(add_copy(source, corners, part));
+    }
+    repair_normals(part.positions, std::span(part.indices).subspan(first_corner), part.normals);
+    return {};
+  }
+
+  Status add_copy(const VertexSource& source, const std::vector<uint32_t>& corners,
+                  MeshPart& part) {
+    VOXELD_ASSIGN(const bool is_mirrored, vertices_.is_mirrored(source, corners[0]));
+    const size_t first_corner = part.indices.size();
     VOXELD_TRY(add_corners(source, corners, part));
     for (size_t i = first_corner; i + 2 < part.indices.size() && is_mirrored; i += 3) {
       std::swap(part.indices[i + 1], part.indices[i + 2]);
     }
-    repair_normals(part.positions, std::span(part.indices).subspan(first_corner), part.normals);
     return {};
   }
 
@@ -354,8 +396,6 @@ class MeshLoader {
                      MeshPart& part) {
     SkinPart* skin = rig_.is_recorded() ? &rig_.part(&part - scene_.parts.data()) : nullptr;
     Renumbering renumbering(source.position.count, corners.size());
-    // A part that many primitives share grows on its own: each reserve() would copy it.
-    if (part.indices.empty()) part.indices.reserve(corners.size());
     for (const uint32_t corner : corners) {
       cancel_point();
       const auto next = static_cast<uint32_t>(part.positions.size());
@@ -371,29 +411,17 @@ class MeshLoader {
     return {};
   }
 
-  // Whether some accessor gets its bytes only from an extension that is not read; it would be all
-  // zeros.
-  bool is_compressed(const Primitive& primitive) const {
-    if (primitive.compressed_by.empty()) return false;
-    const auto is_empty = [&](int accessor) {
-      const Accessor& a = document_.accessors[accessor];
-      return a.view < 0 && !a.sparse;
-    };
-    return (primitive.indices >= 0 && is_empty(primitive.indices)) ||
-           std::any_of(primitive.attributes.begin(), primitive.attributes.end(),
-                       [&](const auto& attribute) { return is_empty(attribute.second); });
-  }
-
-  // Vertex numbers of the file, 3 per triangle.
+  // Vertex numbers of the file, 3 per triangle, of one of `copy_count` copies.
   Result<std::vector<uint32_t>> triangles_of(const Primitive& primitive, const std::string& path,
-                                             uint64_t vertex_count) {
+                                             uint64_t vertex_count, size_t copy_count) {
     std::optional<Elements> indices;
     if (primitive.indices >= 0) {
       VOXELD_ASSIGN(indices,
                     accessors_.open(primitive.indices, {"indices", 1, 1, Expected::kUnsigned}));
     }
     const uint64_t corner_count = indices ? indices->count : vertex_count;
-    VOXELD_ASSIGN(const uint64_t count, count_triangles(primitive.mode, corner_count, path));
+    VOXELD_ASSIGN(const uint64_t count,
+                  count_triangles(primitive.mode, corner_count, copy_count, path));
     std::vector<uint32_t> corners;
     corners.reserve(3 * count);
     const auto add = [&](uint64_t a, uint64_t b, uint64_t c) {
@@ -421,7 +449,9 @@ class MeshLoader {
     return corners;
   }
 
-  Result<uint64_t> count_triangles(int mode, uint64_t corner_count, const std::string& path) {
+  // Triangles of one copy.
+  Result<uint64_t> count_triangles(int mode, uint64_t corner_count, size_t copy_count,
+                                   const std::string& path) {
     if (mode > kFan) {
       return document_.malformed(path + ".mode", "unknown mode", "0 to 6", std::to_string(mode));
     }
@@ -431,7 +461,7 @@ class MeshLoader {
     }
     const uint64_t count =
         mode == kTriangles ? corner_count / 3 : (corner_count < 3 ? 0 : corner_count - 2);
-    triangle_count_ += static_cast<int64_t>(count);
+    triangle_count_ += static_cast<int64_t>(count * copy_count);  // below 2^50
     if (triangle_count_ <= limits::kTrianglesMax) return count;
     return over_limit(document_.name, path, "triangles of the scene", limits::kTrianglesMax,
                       triangle_count_);
@@ -441,7 +471,7 @@ class MeshLoader {
   // unnamed mesh or node is named by its place in the file, as in errors.
   MeshPart& part_for(int node_index, size_t index, int material, const VertexSource& source) {
     const auto layout = std::make_tuple(material, source.normal.has_value(), source.uv.has_value(),
-                                        source.color.has_value());
+                                        source.has_color());
     const auto found = part_of_layout_.find(layout);
     if (scene_.parts.size() >= kScenePartsMax && found != part_of_layout_.end()) {
       scene_.parts_merged = true;

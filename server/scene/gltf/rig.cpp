@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "server/scene/core/mesh_error.h"
+#include "server/scene/gltf/instances.h"
 
 namespace voxeld::gltf {
 namespace {
@@ -118,6 +119,18 @@ Result<uint32_t> RigBuilder::first_matrix_of_skin(int index) {
   for (size_t j = 0; j < skin.joints.size(); ++j) {
     add_matrix(skin.joints[j], inverse ? inverse->matrix(j) : glm::dmat4(1.0));
   }
+  return next;
+}
+
+Result<uint32_t> RigBuilder::first_matrix_of_instances(
+    int node, std::span<const glm::dmat4> node_from_instance) {
+  const auto next = static_cast<uint32_t>(bindings_.bound.size());
+  instance_count_ += node_from_instance.size();
+  if (instance_count_ > kInstancesMax) {
+    return over_limit(document_.name, at_index("nodes", node), "copies of the meshes of all nodes",
+                      kInstancesMax, static_cast<int64_t>(instance_count_));
+  }
+  for (const glm::dmat4& matrix : node_from_instance) add_matrix(node, matrix);
   return next;
 }
 

@@ -52,6 +52,10 @@ class RigBuilder {
   // Errors: malformed-mesh, for the inverse bind matrices of a skin.
   uint32_t matrix_of_node(int node);
   Result<uint32_t> first_matrix_of_skin(int skin);
+  // Index of the matrix of the first copy of a node's mesh; those of the others follow. To be
+  // called once for a node. Errors: malformed-mesh for more than kInstancesMax copies in the file.
+  Result<uint32_t> first_matrix_of_instances(int node,
+                                             std::span<const glm::dmat4> node_from_instance);
   const glm::dmat4& world_from_bound(uint32_t matrix) const { return world_from_bound_[matrix]; }
   // Index of the first of `count` weights of a node's mesh. They begin with `weights`, followed by
   // zeros. Errors: malformed-mesh for more than kMorphWeightsMax.
@@ -79,6 +83,7 @@ class RigBuilder {
   std::map<int, uint32_t> node_matrices_, skin_matrices_;
   std::vector<int> skins_;  // in the order of their first use
   int64_t influence_count_ = 0, morph_count_ = 0;
+  size_t instance_count_ = 0;
 };
 
 }  // namespace voxeld::gltf

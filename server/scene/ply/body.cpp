@@ -1,5 +1,6 @@
 #include "server/scene/ply/body.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>

@@ -8,6 +8,7 @@
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 
+#include "server/base/floor.h"
 #include "server/base/parallel.h"
 #include "server/voxel/attributes/mip_chain.h"
 #include "shaders/shared/attributes.h"
@@ -29,14 +30,14 @@ constexpr double kAltitudeMax = 65535.0;
 
 // 65535 times a component in [0, 1]; NaN gives 0.
 uint32_t fraction16(double c) {
-  return c > 0.0 ? static_cast<uint32_t>(std::floor(std::min(c, 1.0) * 65535.0 + 0.5)) : 0u;
+  return c > 0.0 ? static_cast<uint32_t>(floor_to_int(std::min(c, 1.0) * 65535.0 + 0.5)) : 0u;
 }
 
 // A component of a unit vector, biased by 32768. It is never 0, so that a mean of equal components
 // is exact.
 uint32_t biased16(double n) {
   const double clamped = n >= -1.0 && n <= 1.0 ? n : (n > 1.0 ? 1.0 : n < -1.0 ? -1.0 : 0.0);
-  return static_cast<uint32_t>(std::floor(clamped * 32767.0 + 0.5) + 32768.0);
+  return static_cast<uint32_t>(floor_to_int(clamped * 32767.0 + 0.5) + 32768);
 }
 
 int64_t floor_divide(int64_t a, int64_t b) {  // b > 0
@@ -317,7 +318,8 @@ void AttributeRecords::write_geometry(const std::array<glm::ivec3, 3>& q, int ax
     words[ATTRIBUTE_SLOPE_J] = static_cast<uint32_t>(floor_divide(-ny * kOne, nz));
     const auto a = static_cast<double>(nx), b = static_cast<double>(ny);
     const auto c = static_cast<double>(nz);
-    factor = static_cast<uint32_t>(std::floor(256.0 * std::sqrt(a * a + b * b + c * c) / c + 0.5));
+    factor =
+        static_cast<uint32_t>(floor_to_int(256.0 * std::sqrt(a * a + b * b + c * c) / c + 0.5));
   }
   const auto reciprocal =
       static_cast<uint64_t>(measure.size > 0 ? (int64_t{1} << 57) / measure.size : 0);
@@ -373,19 +375,20 @@ void AttributeRecords::write_uvs(const Material& material, const Corner* corners
                             level_word << ATTRIBUTE_LEVEL_SHIFT;
 }
 
-void AttributeRecords::write_normals(const MeshPart& part, Corner* corners, bool reversed,
+void AttributeRecords::write_normals(const MeshPart& part, const Corner* corners, bool reversed,
                                      uint32_t* words) const {
-  if (part.normals.empty()) {
-    glm::dvec3 face = glm::cross(corners[1].p_world - corners[0].p_world,
-                                 corners[2].p_world - corners[0].p_world);
-    if (reversed != is_mirrored_) face = -face;
-    for (size_t i = 0; i < 3; ++i) corners[i].normal_world = face;
+  const auto write = [&](size_t corner, const glm::dvec3& n) {
+    words[ATTRIBUTE_NORMALS + 2 * corner] = biased16(n.x) | biased16(n.y) << 16;
+    words[ATTRIBUTE_NORMALS + 2 * corner + 1] = biased16(n.z);
+  };
+  if (!part.normals.empty()) {
+    for (size_t i = 0; i < 3; ++i) write(i, unit_or_zero(corners[i].normal_world));
+    return;
   }
-  for (size_t i = 0; i < 3; ++i) {
-    const glm::dvec3 n = unit_or_zero(corners[i].normal_world);
-    words[ATTRIBUTE_NORMALS + 2 * i] = biased16(n.x) | biased16(n.y) << 16;
-    words[ATTRIBUTE_NORMALS + 2 * i + 1] = biased16(n.z);
-  }
+  const glm::dvec3 face =
+      glm::cross(corners[1].p_world - corners[0].p_world, corners[2].p_world - corners[0].p_world);
+  const glm::dvec3 unit = unit_or_zero(reversed != is_mirrored_ ? -face : face);
+  for (size_t i = 0; i < 3; ++i) write(i, unit);
 }
 
 // Gives all corners the mean of their normals.

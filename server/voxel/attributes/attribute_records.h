@@ -84,7 +84,8 @@ class AttributeRecords {
   void write_colors(const MeshPart& part, const Corner* corners, int axis, uint32_t* words) const;
   void write_flat_color(uint32_t triangle, uint32_t* words) const;
   void write_uvs(const Material& material, const Corner* corners, int level, uint32_t* words) const;
-  void write_normals(const MeshPart& part, Corner* corners, bool reversed, uint32_t* words) const;
+  void write_normals(const MeshPart& part, const Corner* corners, bool reversed,
+                     uint32_t* words) const;
   static void flatten_normals(uint32_t* words);
 
   const Scene& scene_;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "server/base/floor.h"
 #include "server/base/parallel.h"
 #include "server/grid/color_tables.h"
 
@@ -75,11 +76,11 @@ Unit mean_normal(const Sums& sums, size_t first, uint64_t weight) {
 
 uint8_t shaded_srgb8(uint32_t linear16, const Shade& shade) {
   const double linear = static_cast<double>(linear16) * shade.scale + 65535.0 * shade.add;
-  return srgb8_from_linear16()[static_cast<size_t>(std::floor(std::min(linear, 65535.0) + 0.5))];
+  return srgb8_from_linear16()[static_cast<size_t>(floor_to_int(std::min(linear, 65535.0) + 0.5))];
 }
 
 int8_t normal8(double n) {
-  return static_cast<int8_t>(std::floor(127.0 * n + 0.5));
+  return static_cast<int8_t>(floor_to_int(127.0 * n + 0.5));
 }
 
 // sums: operator[] gives the voxel's sum of a channel.

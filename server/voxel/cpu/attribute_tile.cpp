@@ -17,10 +17,13 @@
 namespace voxeld {
 namespace {
 
-constexpr int kOctantSide = 32;
+constexpr int kOctantShift = 5;
+constexpr int kOctantSide = 1 << kOctantShift;
 constexpr int kOctantsPerSide = limits::kTileSide / kOctantSide;
 constexpr size_t kOctantCount = size_t{kOctantsPerSide} * kOctantsPerSide * kOctantsPerSide;
 constexpr uint32_t kOctantBricks = 64;
+constexpr size_t kBrickMaskWords = 16;
+constexpr size_t kBoxGrain = 1 << 12;  // triangles
 // Triangles that reach more octants are listed once as wide, and every octant tests them.
 constexpr int kListedOctantsMax = 8;
 // Octants with fewer triangles are summed by one thread.
@@ -44,27 +47,25 @@ Box cell_box(const std::array<glm::ivec3, 3>& q) {
   return {glm::min(q[0], glm::min(q[1], q[2])) >> 8, glm::max(q[0], glm::max(q[1], q[2])) >> 8};
 }
 
-Box octant_box(const std::array<glm::ivec3, 3>& q) {
-  const Box cells = cell_box(q);
-  return {glm::max(cells.first / kOctantSide, glm::ivec3(0)),
-          glm::min(cells.last / kOctantSide, glm::ivec3(kOctantsPerSide - 1))};
-}
-
-int volume(const Box& box) {
-  const glm::ivec3 size = box.last - box.first + 1;
-  return size.x * size.y * size.z;
-}
-
-template <typename Visit>
-void for_each_octant(const Box& box, const Visit& visit) {
-  for (int z = box.first.z; z <= box.last.z; ++z) {
-    for (int y = box.first.y; y <= box.last.y; ++y) {
-      for (int x = box.first.x; x <= box.last.x; ++x) {
+// Calls visit(octant) with the Morton index of each octant of the box.
+template <typename OctantBox, typename Visit>
+void for_each_octant(const OctantBox& box, const Visit& visit) {
+  for (int z = box.first[2]; z <= box.last[2]; ++z) {
+    for (int y = box.first[1]; y <= box.last[1]; ++y) {
+      for (int x = box.first[0]; x <= box.last[0]; ++x) {
         visit(morton_encode(static_cast<uint32_t>(x), static_cast<uint32_t>(y),
                             static_cast<uint32_t>(z)));
       }
     }
   }
+}
+
+// The number of octants in the box.
+template <typename OctantBox>
+int volume(const OctantBox& box) {
+  int product = 1;
+  for (size_t c = 0; c < 3; ++c) product *= std::max(box.last[c] - box.first[c] + 1, 0);
+  return product;
 }
 
 }  // namespace
@@ -92,45 +93,70 @@ void CpuAttributes::end_frames() {
   textures_key_ = 0;
 }
 
-void CpuAttributes::find_octants(const SparseTile& tile) {
+void CpuAttributes::find_octants(const TileInput& input, const SparseTile& tile) {
   octants_.clear();
-  size_t voxels = 0;
-  for (size_t b = 0; b < tile.masks.size(); ++b) {
-    const uint32_t morton = tile.brick_morton[b] / kOctantBricks;
-    if (octants_.empty() || octants_.back().morton != morton) octants_.push_back({morton, voxels});
-    for (const uint64_t word : tile.masks[b].words) {
-      voxels += static_cast<size_t>(std::popcount(word));
-    }
-    octants_.back().voxel_count = voxels - octants_.back().voxel_first;
+  if (tile.brick_morton.empty()) return;
+  for (const uint32_t brick : tile.brick_morton) {
+    const uint32_t morton = brick / kOctantBricks;
+    if (!octants_.empty() && octants_.back().morton == morton) continue;
+    octants_.push_back({morton, input.word_offsets[size_t{brick} * kBrickMaskWords], 0});
   }
+  const size_t last_word = (size_t{tile.brick_morton.back()} + 1) * kBrickMaskWords - 1;
+  size_t end =
+      input.word_offsets[last_word] + static_cast<size_t>(std::popcount(input.mask[last_word]));
+  for (auto octant = octants_.rbegin(); octant != octants_.rend(); ++octant) {
+    octant->voxel_count = end - octant->voxel_first;
+    end = octant->voxel_first;
+  }
+}
+
+void CpuAttributes::find_boxes(const TileBin& bin) {
+  boxes_.resize(bin.triangles.size());
+  const size_t chunks = (boxes_.size() + kBoxGrain - 1) / kBoxGrain;
+  std::atomic<size_t> next = 0;
+  const auto count = static_cast<int>(std::min(chunks, static_cast<size_t>(team_->threads())));
+  team_->run(count, [&](int) {
+    for (size_t chunk = next++; chunk < chunks; chunk = next++) {
+      const size_t end = std::min(boxes_.size(), (chunk + 1) * kBoxGrain);
+      for (size_t t = chunk * kBoxGrain; t < end; ++t) {
+        const Box cells = cell_box(corners_in_tile(plan_->mesh, bin.triangles[t], bin.coord));
+        for (int c = 0; c < 3; ++c) {
+          const auto axis = static_cast<size_t>(c);
+          boxes_[t].first[axis] =
+              static_cast<int16_t>(std::clamp(cells.first[c] >> kOctantShift, 0, kOctantsPerSide));
+          boxes_[t].last[axis] = static_cast<int16_t>(
+              std::clamp(cells.last[c] >> kOctantShift, -1, kOctantsPerSide - 1));
+        }
+      }
+    }
+  });
 }
 
 // A counting sort, so that the lists keep the order of the bin.
 void CpuAttributes::sort_triangles(const TileBin& bin) {
+  find_boxes(bin);
   starts_.assign(kOctantCount + 2, 0);
   wide_.clear();
-  for (const uint32_t triangle : bin.triangles) {
-    const Box box = octant_box(corners_in_tile(plan_->mesh, triangle, bin.coord));
-    if (box.empty()) continue;
-    if (volume(box) > kListedOctantsMax) {
-      wide_.push_back(triangle);
+  for (size_t t = 0; t < boxes_.size(); ++t) {
+    if (volume(boxes_[t]) > kListedOctantsMax) {
+      wide_.push_back(bin.triangles[t]);
     } else {
-      for_each_octant(box, [&](uint32_t octant) { ++starts_[octant + 2]; });
+      for_each_octant(boxes_[t], [&](uint32_t octant) { ++starts_[octant + 2]; });
     }
   }
   for (size_t o = 2; o < starts_.size(); ++o) starts_[o] += starts_[o - 1];
   list_.resize(starts_.back());
   // starts_[o + 1] is the place of octant o's next triangle. When the loop ends, it is where octant
   // o + 1 begins.
-  for (const uint32_t triangle : bin.triangles) {
-    const Box box = octant_box(corners_in_tile(plan_->mesh, triangle, bin.coord));
-    if (box.empty() || volume(box) > kListedOctantsMax) continue;
-    for_each_octant(box, [&](uint32_t octant) { list_[starts_[octant + 1]++] = triangle; });
+  for (size_t t = 0; t < boxes_.size(); ++t) {
+    if (volume(boxes_[t]) > kListedOctantsMax) continue;
+    for_each_octant(boxes_[t],
+                    [&](uint32_t octant) { list_[starts_[octant + 1]++] = bin.triangles[t]; });
   }
 }
 
 void CpuAttributes::add_triangle(const TileBin& bin, uint32_t triangle,
-                                 const AttributeTarget& target) const {
+                                 const AttributeTarget& target, AttributeVisitor& visitor) const {
   const auto q = corners_in_tile(plan_->mesh, triangle, bin.coord);
   const Box box = cell_box(q);
   const Box common = {glm::max(box.first, target.cell_first), glm::min(box.last, target.cell_last)};
@@ -151,7 +177,7 @@ void CpuAttributes::add_triangle(const TileBin& bin, uint32_t triangle,
   source.words = words.data();
   const int image = plan_->part_images[plan_->mesh.triangles[triangle].part];
   if (image >= 0) source.levels = textures_[static_cast<size_t>(image)];
-  add_attributes(source, target);
+  visitor.add(source, target);
 }
 
 std::span<const uint32_t> CpuAttributes::octant_triangles(const Octant& octant,
@@ -163,13 +189,13 @@ std::span<const uint32_t> CpuAttributes::octant_triangles(const Octant& octant,
 }
 
 size_t CpuAttributes::sum_id(const TileBin& bin, const IdChannel& channel, size_t first,
-                             const AttributeTarget& target, const Worker& worker) const {
+                             const AttributeTarget& target, Worker& worker) const {
   const uint16_t id = channel.id_of(plan_->mesh, worker.triangles[first]);
   size_t end = first;
   for (; end < worker.triangles.size(); ++end) {
     const uint32_t triangle = worker.triangles[end];
     if (channel.id_of(plan_->mesh, triangle) != id) break;
-    add_triangle(bin, triangle, target);
+    add_triangle(bin, triangle, target, worker.visitor);
   }
   return end;
 }
@@ -213,7 +239,8 @@ void CpuAttributes::find_nearest(const TileBin& bin, const Octant& octant, Attri
   worker.nearest.assign(octant.voxel_count, {});
   target.nearest = worker.nearest.data();
   target.channels = plan_->channels.recorded();
-  for (const uint32_t triangle : worker.triangles) add_triangle(bin, triangle, target);
+  for (const uint32_t triangle : worker.triangles)
+    add_triangle(bin, triangle, target, worker.visitor);
   const auto& srgb8 = srgb8_from_linear16();
   uint8_t* out = &tile.color[4 * octant.voxel_first];
   for (const NearestColor& point : worker.nearest) {
@@ -243,7 +270,8 @@ void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Wor
   if (!input.is_started && plan_->needs_sums()) {
     worker.sums.assign(octant.voxel_count * target.channels.count(), 0);
     target.sums = worker.sums.data();
-    for (const uint32_t triangle : triangles) add_triangle(input.bin, triangle, target);
+    for (const uint32_t triangle : triangles)
+      add_triangle(input.bin, triangle, target, worker.visitor);
     resolve_voxels(worker.sums, plan_->resolve_options(), octant.voxel_first, tile);
   }
   if (plan_->channels.nearest) find_nearest(input.bin, octant, target, worker, tile);
@@ -254,7 +282,7 @@ void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Wor
 }
 
 void CpuAttributes::run_octants(const TileInput& input, SparseTile& tile) {
-  find_octants(tile);
+  find_octants(input, tile);
   if (octants_.empty()) return;
   if (shares_octants(input)) {
     run_shared_octants(input, tile);
@@ -291,7 +319,8 @@ void CpuAttributes::run_shared_octants(const TileInput& input, SparseTile& tile)
       own.sums = workers_[number].sums.data();
       const size_t begin = triangles.size() * number / threads;
       const size_t end = triangles.size() * (number + 1) / threads;
-      for (size_t t = begin; t < end; ++t) add_triangle(input.bin, triangles[t], own);
+      for (size_t t = begin; t < end; ++t)
+        add_triangle(input.bin, triangles[t], own, workers_[number].visitor);
     });
     std::vector<uint64_t>& sums = workers_[0].sums;
     for (size_t w = 1; w < threads; ++w) {

@@ -6,6 +6,7 @@
 // core's cache. No two threads add to the same sum.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -25,8 +26,8 @@ using TextureLevels = std::vector<MipLevel>;
 
 class CpuAttributes {
  public:
-  explicit CpuAttributes(ThreadTeam& team)
-      : team_(&team), workers_(static_cast<size_t>(team.threads())) {}
+  CpuAttributes(ThreadTeam& team, CpuIsa isa)
+      : team_(&team), workers_(static_cast<size_t>(team.threads()), Worker(isa)) {}
 
   // Builds the levels of the images that triangles use, unless the previous frame left them. The
   // plan must outlive the job.
@@ -44,6 +45,10 @@ class CpuAttributes {
               std::span<const uint32_t> word_offsets, SparseTile& tile);
 
  private:
+  // Octants that a triangle's box reaches, inclusive on each axis. None if a last one is less.
+  struct OctantBox {
+    std::array<int16_t, 3> first, last;
+  };
   struct Octant {
     uint32_t morton = 0;  // Morton index in the tile
     size_t voxel_first = 0, voxel_count = 0;
@@ -55,19 +60,23 @@ class CpuAttributes {
     bool is_started;  // a device has done its part
   };
   struct Worker {
+    explicit Worker(CpuIsa isa) : visitor(isa) {}
+    AttributeVisitor visitor;
     std::vector<uint64_t> sums;
     std::vector<NearestColor> nearest;
     std::vector<uint32_t> triangles;  // triangles that may touch the octant
     IdFold fold;
   };
 
-  void find_octants(const SparseTile& tile);
+  void find_octants(const TileInput& input, const SparseTile& tile);
+  void find_boxes(const TileBin& bin);
   void sort_triangles(const TileBin& bin);
-  void add_triangle(const TileBin& bin, uint32_t triangle, const AttributeTarget& target) const;
+  void add_triangle(const TileBin& bin, uint32_t triangle, const AttributeTarget& target,
+                    AttributeVisitor& visitor) const;
   std::span<const uint32_t> octant_triangles(const Octant& octant, Worker& worker) const;
   // Adds the leading triangles, up to the first with another id; returns the index of that one.
   size_t sum_id(const TileBin& bin, const IdChannel& channel, size_t first,
-                const AttributeTarget& target, const Worker& worker) const;
+                const AttributeTarget& target, Worker& worker) const;
   // Finds the id with the largest weight in each voxel of the octant. Sorts worker.triangles.
   // target: the octant's.
   void fold_ids(const TileBin& bin, const Octant& octant, const IdChannel& channel,
@@ -94,6 +103,7 @@ class CpuAttributes {
   // Triangles by octant: list_[starts_[o]..starts_[o + 1]). Triangles that reach more than a few
   // octants are in wide_ instead.
   std::vector<uint32_t> starts_, list_, wide_;
+  std::vector<OctantBox> boxes_;  // of the bin's triangles
 };
 
 }  // namespace voxeld

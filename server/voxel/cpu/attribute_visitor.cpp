@@ -15,7 +15,7 @@ namespace voxeld {
 namespace attribute_visitor {
 
 using namespace glsl;  // NOLINT(google-build-using-namespace)
-#include "shaders/lib/attribute_polygon.glsl"
+#include "shaders/lib/attribute_area.glsl"
 #include "shaders/lib/attributes.glsl"
 #include "shaders/lib/touch.glsl"
 
@@ -44,8 +44,14 @@ size_t voxel_at(const AttributeTarget& target, uint32_t m) {
 
 class Visitor {
  public:
-  Visitor(const AttributeSource& source, const AttributeTarget& target)
-      : source_(source), target_(target), flags_(source.words[ATTRIBUTE_FLAGS]) {}
+  Visitor(const AttributeKernel& kernel, PairMemory& memory, const AttributeSource& source,
+          const AttributeTarget& target)
+      : kernel_(kernel),
+        memory_(memory),
+        source_(source),
+        target_(target),
+        flags_(source.words[ATTRIBUTE_FLAGS]),
+        is_textured_(target.channels.color && !source.levels.empty() && !is_flat()) {}
 
   void run() {
     const ivec3 v0 = touch_swizzle(source_.corners[0], source_.axis);
@@ -63,10 +69,97 @@ class Visitor {
                              static_cast<int>(words[ATTRIBUTE_SLOPE_J]), reciprocal, flags_);
     if (target_.channels.color) read_corners(ATTRIBUTE_COLORS, colors_);
     if (target_.channels.normal) read_corners(ATTRIBUTE_NORMALS, normals_);
-    visit(t);
+    if (target_.nearest != nullptr) {
+      visit(t);
+    } else {
+      add_pairs(t);
+    }
   }
 
  private:
+  static PairSide pair_side(const AttributeSide& side) {
+    return {side.a, side.b, side.rest, side.shift, side.is_right, pair_line(side.line)};
+  }
+  static PairLine pair_line(const RowLine& line) {
+    return {line.b, line.span, line.shift, line.reciprocal};
+  }
+
+  void set_triangle() {
+    PairTriangle& out = memory_.triangle;
+    out.sides[0] = pair_side(shape_.side0);
+    out.sides[1] = pair_side(shape_.side1);
+    out.sides[2] = pair_side(shape_.side2);
+    out.slope_i = shape_.slope_i;
+    out.slope_j = shape_.slope_j;
+    out.depth = shape_.depth;
+    out.level = pair_line(shape_.level);
+    out.factor = shape_.factor;
+    for (int c = 0; c < 2; ++c) {
+      out.box_min[c] = shape_.box_min[c];
+      out.box_max[c] = shape_.box_max[c];
+    }
+    out.low = shape_.low;
+    out.high = shape_.high;
+    out.form1 = {shape_.form1.x, shape_.form1.y, shape_.rest1};
+    out.form2 = {shape_.form2.x, shape_.form2.y, shape_.rest2};
+    out.limit = shape_.limit;
+    out.reciprocal = shape_.reciprocal;
+    out.weight = source_.words[ATTRIBUTE_WEIGHT];
+    // Equal values need no weights; a mesh without normals has the face's at all corners.
+    out.is_flat = !is_textured_;
+    out.value_count = 0;
+    if (target_.channels.color) add_values(colors_, target_.channels.alpha ? 4 : 3);
+    if (target_.channels.normal) add_values(normals_, 3);
+  }
+
+  void set_touch(const TouchTriangle& t) {
+    PairTouch& out = memory_.touch;
+    const std::array<std::array<const ivec3*, 3>, 3> edges = {
+        {{&t.xy0, &t.xy1, &t.xy2}, {&t.yz0, &t.yz1, &t.yz2}, {&t.zx0, &t.zx1, &t.zx2}}};
+    for (int c = 0; c < 3; ++c) {
+      out.cell_min[c] = t.cell_min[c];
+      out.cell_max[c] = t.cell_max[c];
+      out.normal[c] = static_cast<double>(t.normal[c]);
+      for (size_t e = 0; e < 3; ++e) {
+        out.xy[e][c] = (*edges[0][e])[c];
+        out.yz[e][c] = (*edges[1][e])[c];
+        out.zx[e][c] = (*edges[2][e])[c];
+      }
+    }
+    out.plane = static_cast<double>(t.plane);
+    out.above = static_cast<double>(t.above);
+    out.below = static_cast<double>(t.below);
+    out.base_z = t.base_z;
+    out.axis = source_.axis;
+  }
+
+  void add_pairs(const TouchTriangle& t) {
+    set_triangle();
+    set_touch(t);
+    const PairVoxels voxels = {target_.mask.data(), target_.word_offsets.data(),
+                               target_.voxel_first};
+    if (!is_textured_) {
+      kernel_.add(memory_.triangle, memory_.touch, voxels, memory_.pairs, target_.sums);
+      return;
+    }
+    const auto add = [](void* visitor) { static_cast<const Visitor*>(visitor)->add_textured(); };
+    kernel_.measure(memory_.triangle, memory_.touch, voxels, memory_.pairs, memory_.areas, add,
+                    this);
+  }
+
+  void add_textured() const {
+    for (size_t n = 0; n < static_cast<size_t>(memory_.pairs.count); ++n) add_textured(n);
+  }
+
+  void add_values(const std::array<uvec4, 3>& corners, int channels) {
+    PairTriangle& out = memory_.triangle;
+    for (int c = 0; c < channels; ++c) {
+      uint32_t* values = out.values[out.value_count++];
+      for (const uvec4& corner : corners) *values++ = corner[c];
+    }
+    out.is_flat = out.is_flat && corners[0] == corners[1] && corners[0] == corners[2];
+  }
+
   void read_corners(size_t word, std::array<uvec4, 3>& out) const {
     for (uvec4& corner : out) {
       const uint32_t low = source_.words[word++], high = source_.words[word++];
@@ -74,6 +167,7 @@ class Visitor {
     }
   }
 
+  // For color=nearest.
   void visit(const TouchTriangle& t) {
     const float slope = -static_cast<float>(t.normal.x) * t.inverse_z;
     for (int j = t.cell_min.y; j <= t.cell_max.y; ++j) {
@@ -90,20 +184,26 @@ class Visitor {
   }
 
   void visit_column(const TouchTriangle& t, int i, int j, ivec2 depth) {
-    if (depth.x > depth.y) return;
-    const CellPolygon column = column_polygon(shape_, i, j);
-    const int64_t plane = column_depth_at(shape_, i, j);
     for (int k = depth.x; k <= depth.y; ++k) {
       if (!touch_sides(t, i, j, k)) continue;
       const size_t voxel = voxel_at(target_, morton_at(i, j, k));
-      if (voxel == kNone) continue;
-      if (target_.nearest != nullptr) {
-        compare(target_.nearest[voxel], i, j, k);
-        continue;
-      }
-      add(target_.sums + voxel * target_.channels.count(), i, j,
-          cell_polygon(shape_, column, plane, k));
+      if (voxel != kNone) compare(target_.nearest[voxel], i, j, k);
     }
+  }
+
+  void add_textured(size_t n) const {
+    const PairAreas& areas = memory_.areas;
+    const uint32_t weight = areas.weight[n];
+    const ivec3 weights((1 << ATTRIBUTE_WEIGHT_BITS) - areas.w1[n] - areas.w2[n], areas.w1[n],
+                        areas.w2[n]);
+    uint64_t* sums = target_.sums + size_t{memory_.pairs.voxel[n]} * target_.channels.count();
+    *sums++ += weight;
+    const uvec4 color = times_texel(weights, sample_texture(n, weights));
+    const int channels = target_.channels.alpha ? 4 : 3;
+    for (int c = 0; c < channels; ++c) *sums++ += uint64_t{weight} * color[c];
+    if (!target_.channels.normal) return;
+    const uvec4 normal = blend(normals_, weights);
+    for (int c = 0; c < 3; ++c) *sums++ += uint64_t{weight} * normal[c];
   }
 
   // z of the swizzled cell is the dominant axis.
@@ -142,36 +242,8 @@ class Visitor {
 
   // The colour at the weights, from a single sample.
   uvec4 color_at(const ivec3& weights) const {
-    if (source_.levels.empty() || is_flat()) return blend(colors_, weights);
+    if (!is_textured_) return blend(colors_, weights);
     return times_texel(weights, sample_tap(weights, level_max()));
-  }
-
-  // The mean colour over the polygon of column (i, j). weights: those at its centroid.
-  uvec4 mean_color(const ivec3& weights, int i, int j, const CellPolygon& polygon,
-                   uint32_t twice_area) const {
-    if (source_.levels.empty() || is_flat()) return blend(colors_, weights);
-    return times_texel(weights, sample_texture(weights, i, j, polygon, twice_area));
-  }
-
-  void add(uint64_t* sums, int i, int j, const CellPolygon& polygon) const {
-    const uint32_t twice_area = twice_polygon_area(polygon);
-    const uint32_t in_one_cell = source_.words[ATTRIBUTE_WEIGHT];
-    const uint32_t weight = in_one_cell != 0 ? in_one_cell : area_weight(shape_, twice_area);
-    *sums++ += weight;
-    if (!target_.channels.color && !target_.channels.normal) return;
-    // The corners of a flat triangle have equal attributes, so any weights will do.
-    const ivec3 weights =
-        is_flat() ? ivec3(1 << ATTRIBUTE_WEIGHT_BITS, 0, 0)
-                  : corner_weights(shape_, sample_position(shape_, i, j, polygon, twice_area));
-    if (target_.channels.color) {
-      const uvec4 color = mean_color(weights, i, j, polygon, twice_area);
-      const int channels = target_.channels.alpha ? 4 : 3;
-      for (int c = 0; c < channels; ++c) *sums++ += uint64_t{weight} * color[c];
-    }
-    if (target_.channels.normal) {
-      const uvec4 normal = blend(normals_, weights);
-      for (int c = 0; c < 3; ++c) *sums++ += uint64_t{weight} * normal[c];
-    }
   }
 
   static uvec4 blend(const std::array<uvec4, 3>& corners, const ivec3& weights) {
@@ -189,44 +261,56 @@ class Visitor {
   int level_max() const { return static_cast<int>((flags_ >> ATTRIBUTE_LEVEL_SHIFT) & 15u); }
 
   // Same steps as lib/attribute_visit.glsl, whose comments explain them.
-  uvec4 sample_texture(const ivec3& weights, int i, int j, const CellPolygon& polygon,
-                       uint32_t twice_area) const {
-    if (twice_area == 0) return sample_tap(weights, level_max());
-    const int level = part_level(twice_area, level_max());
+  // weights: those at the centroid of pair n.
+  uvec4 sample_texture(size_t n, const ivec3& weights) const {
+    const PairAreas& areas = memory_.areas;
+    const uint32_t length = areas.length[n];
+    if (length == 0) return sample_tap(weights, level_max());
+    const int level = part_level(areas.area[n], level_max());
     if (tap_fits(weights, level)) return sample_tap(weights, level);
-    const ivec3 first = weights_in_column(shape_, i, j, polygon_point(polygon.points[0]));
-    ivec3 last = weights_in_column(shape_, i, j, polygon_point(polygon.points[1]));
+    const ivec2 column(memory_.pairs.i[n], memory_.pairs.j[n]);
+    CellArea cell{};
+    cell.low = areas.low[n];
+    cell.spacing = areas.spacing[n];
     uint32_t done = 0;
-    uvec4 sum(1u << 14);
-    for (int n = 1; n + 1 < polygon.count; ++n) {
-      const ivec3 next = weights_in_column(shape_, i, j, polygon_point(polygon.points[n + 1]));
-      const uint32_t area = twice_fan_area(polygon, n);
-      const uint32_t share = area_share(done + area, twice_area) - area_share(done, twice_area);
-      done += area;
-      if (share != 0) sum += sample_fan(first, last, next, area) * share;
-      last = next;
+    uvec4 sum(1u << 15);
+    for (const PairAreas::Strip& strip : areas.strips) {
+      const RowSums sums{strip.length[n], strip.x[n], strip.y[n], strip.squares[n]};
+      const uint32_t share = length_share(done + sums.lengths, length) - length_share(done, length);
+      done += sums.lengths;
+      if (share != 0) sum += sample_strip(cell, sums, column) * share;
     }
-    return sum >> 15u;
+    return sum >> 16u;
   }
 
-  uvec4 sample_fan(const ivec3& a, const ivec3& b, const ivec3& c, uint32_t twice_area) const {
-    const int level = part_level(twice_area, level_max());
-    const ivec3 centre = centre_weights(a, b, c);
-    if (twice_area < TAP_TWICE_AREA_MIN || tap_fits(centre, level)) {
-      return sample_tap(centre, level);
-    }
-    uvec4 sum = sample_tap(centre, level - 1) + 2u;
-    for (const ivec3& corner : {a, b, c}) {
-      sum += sample_tap(middle_weights(corner, centre), level - 1);
-    }
-    return sum >> 2u;
+  uvec4 sample_strip(const CellArea& cell, const RowSums& sums, const ivec2& column) const {
+    const ivec2 centre = row_centroid(cell, sums);
+    const int spread = row_spread(sums);
+    const uint32_t half = rows_area(cell, sums) >> 1;
+    const ivec2 inner(spread >> 1, 0);
+    return sample_half(centre - ivec2(spread, 0), inner, half, column) +
+           sample_half(centre + ivec2(spread, 0), inner, half, column);
+  }
+
+  uvec4 sample_half(const ivec2& centre, const ivec2& spread, uint32_t area,
+                    const ivec2& column) const {
+    const int level = part_level(area, level_max());
+    const auto weights_at = [&](const ivec2& point) {
+      return weights_in_column(shape_, column.x, column.y, point);
+    };
+    const ivec3 weights = weights_at(centre);
+    if (tap_fits(weights, level)) return sample_tap(weights, level);
+    return (sample_tap(weights_at(centre - spread), level - 1) +
+            sample_tap(weights_at(centre + spread), level - 1) + 1u) >>
+           1u;
   }
 
   bool tap_fits(const ivec3& weights, int level) const {
     return tap_level(weights, source_.words[ATTRIBUTE_ALTITUDE], level) + 1 >= level;
   }
 
-  // Bilinear sample in linear light. The fraction has 8 bits, so that 65535 * 65536 fits.
+  // Bilinear sample in linear light. The fraction has 8 bits, so that 65535 * 65536 fits. A level
+  // finer than asked for has its four texels averaged.
   uvec4 sample_tap(const ivec3& weights, int level_max) const {
     const auto uv = [&](int word) { return static_cast<int>(source_.words[ATTRIBUTE_UVS + word]); };
     const int number = tap_level(weights, source_.words[ATTRIBUTE_ALTITUDE], level_max);
@@ -241,7 +325,9 @@ class Visitor {
     const int y1 = wrap_texel((v >> 8) + 1, level.height, wrap_v);
     const std::array<const uint8_t*, 4> texels = {texel_at(level, x0, y0), texel_at(level, x1, y0),
                                                   texel_at(level, x0, y1), texel_at(level, x1, y1)};
-    const auto fx = static_cast<uint32_t>(u & 255), fy = static_cast<uint32_t>(v & 255);
+    const bool is_finer = number + 1 < level_max;
+    const uint32_t fx = is_finer ? 128 : static_cast<uint32_t>(u & 255);
+    const uint32_t fy = is_finer ? 128 : static_cast<uint32_t>(v & 255);
     const std::array<uint32_t, 4> shares = {(256u - fx) * (256u - fy), fx * (256u - fy),
                                             (256u - fx) * fy, fx * fy};
     uvec4 sum(0);
@@ -254,9 +340,12 @@ class Visitor {
     return sum >> 16u;
   }
 
+  const AttributeKernel& kernel_;
+  PairMemory& memory_;
   const AttributeSource& source_;
   const AttributeTarget& target_;
   uint32_t flags_;
+  bool is_textured_;
   const std::array<uint32_t, 256>& linear_ = linear16_from_srgb8();
   AttributeTriangle shape_{};
   std::array<uvec4, 3> colors_{}, normals_{};
@@ -264,8 +353,8 @@ class Visitor {
 
 }  // namespace
 
-void add_attributes(const AttributeSource& source, const AttributeTarget& target) {
-  Visitor(source, target).run();
+void AttributeVisitor::add(const AttributeSource& source, const AttributeTarget& target) {
+  Visitor(*kernel_, memory_, source, target).run();
 }
 
 void add_one_cell(const OneCellSource& source, const AttributeTarget& target) {

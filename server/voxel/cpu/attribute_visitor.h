@@ -10,6 +10,7 @@
 
 #include "server/voxel/attributes/attribute_records.h"
 #include "server/voxel/attributes/mip_chain.h"
+#include "server/voxel/cpu/kernels/attributes/attribute_kernel.h"
 
 namespace voxeld {
 
@@ -37,7 +38,25 @@ struct AttributeSource {
   std::span<const MipLevel> levels;
 };
 
-void add_attributes(const AttributeSource& source, const AttributeTarget& target);
+// Memory of a visit, which later ones use again.
+struct PairMemory {
+  PairTriangle triangle{};
+  PairTouch touch{};
+  PairBatch pairs{};
+  PairAreas areas{};
+};
+
+// Adds triangles, one after the other. Not thread safe.
+class AttributeVisitor {
+ public:
+  explicit AttributeVisitor(CpuIsa isa) : kernel_(&attribute_kernel(isa)) {}
+
+  void add(const AttributeSource& source, const AttributeTarget& target);
+
+ private:
+  const AttributeKernel* kernel_;
+  PairMemory memory_;
+};
 
 // A triangle within one cell and with a single colour. No normals are summed for it.
 struct OneCellSource {

@@ -9,7 +9,7 @@
 namespace voxeld {
 
 CpuPipeline::CpuPipeline(int threads, CpuIsa isa)
-    : touch_(threads, isa), attributes_(touch_.team()) {}
+    : touch_(threads, isa), attributes_(touch_.team(), isa) {}
 
 Status CpuPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   plan_ = &plan;
@@ -37,7 +37,8 @@ size_t CpuPipeline::batch_tiles() const {
   return one_by_one ? 1 : 4 * static_cast<size_t>(touch_.threads());
 }
 
-Status CpuPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
+Status CpuPipeline::run_tiles(std::span<const TileBin> bins, const Pause& /*pause*/,
+                              std::vector<SparseTile>& tiles) {
   std::vector<SparseTile> made(bins.size());
   for (size_t i = 0; i < bins.size(); ++i) {
     made[i].coord = {bins[i].coord.x, bins[i].coord.y, bins[i].coord.z};

@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "server/base/simd/cpu_isa.h"
 #include "server/voxel/cpu/attribute_tile.h"
-#include "server/voxel/cpu/kernels/cpu_isa.h"
 #include "server/voxel/cpu/touch_tile.h"
 #include "server/voxel/pipelines/tile_pipeline.h"
 
@@ -17,7 +17,8 @@ class CpuPipeline final : public TilePipeline {
   explicit CpuPipeline(int threads = 0, CpuIsa isa = best_cpu_isa());
 
   Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
-  Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
+  Status run_tiles(std::span<const TileBin> bins, const Pause& pause,
+                   std::vector<SparseTile>& tiles) override;
   void end_job() override;
   void end_frames() override { attributes_.end_frames(); }
   int64_t device_bytes(const Scene&, const WantedChannels&) const override { return 0; }

@@ -15,10 +15,10 @@
 
 #include "proto/codec/sparse_tile.h"
 #include "proto/options/options.h"
+#include "server/base/huge_array.h"
 #include "server/base/parallel.h"
+#include "server/base/simd/cpu_isa.h"
 #include "server/grid/grid_spec.h"
-#include "server/voxel/cpu/huge_array.h"
-#include "server/voxel/cpu/kernels/cpu_isa.h"
 #include "server/voxel/cpu/kernels/touch_kernel.h"
 #include "server/voxel/triangles/bin.h"
 #include "server/voxel/triangles/snap.h"

@@ -1,15 +1,13 @@
 #include "server/voxel/estimates/calibration.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
+#include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 
 #include "server/base/file.h"
+#include "server/base/replace_file.h"
 
 namespace voxeld {
 namespace {
@@ -200,22 +198,7 @@ Result<std::vector<DeviceCalibration>> read_calibrations(const fs::path& path) {
 }
 
 Status write_calibrations(const fs::path& path, const std::vector<DeviceCalibration>& devices) {
-  std::error_code failed;
-  fs::create_directories(path.parent_path(), failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal, "cannot make " + path.parent_path().string(), "a folder",
-                 failed.message()};
-  }
-  const std::string text = calibrations_text(devices);
-  const fs::path temporary = path.string() + "." + std::to_string(::getpid()) + ".tmp";
-  VOXELD_TRY(write_file(temporary, {reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
-  VOXELD_TRY(sync_path(temporary));
-  if (::rename(temporary.c_str(), path.c_str()) != 0) {
-    const Error error = errno_error("rename to", path);
-    ::unlink(temporary.c_str());
-    return error;
-  }
-  return sync_path(path.parent_path());
+  return replace_file(path, calibrations_text(devices));
 }
 
 CalibrationLookup find_calibration(const fs::path& path, const std::string& device,

@@ -116,7 +116,7 @@ Status AttributePass::run_image(const TileWindow& window, int image, Pipeline pi
         range.touch_class == TouchClass::kLarge ? TouchClass::kLarge : TouchClass::kSmall;
     for (const auto& define : touch_class_defines(touch_class)) all.push_back(define);
     VOXELD_ASSIGN(const gpu::Program* program, shaders_->get({{"attributes.comp"}}, all));
-    device_->run_items(*program, range.first, range.count, params_);
+    VOXELD_TRY(device_->run_items(*program, range.first, range.count, params_));
   }
   return {};
 }

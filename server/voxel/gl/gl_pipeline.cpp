@@ -6,6 +6,7 @@
 
 #include "server/base/clock.h"
 #include "server/voxel/attributes/sum_fold.h"
+#include "server/voxel/estimates/calibration.h"
 #include "server/voxel/tiles/compact.h"
 #include "server/voxel/tiles/tile_mask.h"
 #include "shaders/shared/attributes.h"
@@ -15,11 +16,12 @@ namespace voxeld {
 GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning)
     : context_(&context),
       tuning_(tuning),
-      device_(context),
+      pace_(context, tuning.dispatch_columns),
+      device_(context, pace_),
       touch_(device_, shaders, tuning.has_int64(context.info())),
       word_touch_(context, shaders),
       attributes_(device_, shaders),
-      batch_touch_(context, shaders, tuning),
+      batch_touch_(context, shaders, tuning, pace_),
       batch_bricks_(context, shaders),
       inside_(context, shaders),
       flood_(context, shaders),
@@ -37,6 +39,10 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
                  "pipeline=cpu or auto, or channels=occupancy",
                  "pipeline " + std::string(pipeline_name(stats.pipeline))};
   }
+  const bool has_attributes = plan.channels.any();
+  pace_.begin_job(
+      plan.calibration ? plan.calibration->model(stats.pipeline, has_attributes) : nullptr,
+      stats.work, has_attributes);
   timer_.emplace(*context_);
   Stopwatch watch;
   if (is_batched()) {
@@ -51,7 +57,18 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   return {};
 }
 
-Status GlPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
+Status GlPipeline::run_tiles(std::span<const TileBin> bins, const Pause& pause,
+                             std::vector<SparseTile>& tiles) {
+  struct PauseScope {  // ends with run_tiles(), by an exception too
+    DispatchPace& pace;
+    ~PauseScope() { pace.set_pause(nullptr); }
+  };
+  const PauseScope scope{pace_};
+  pace_.set_pause(&pause);
+  return run_bins(bins, tiles);
+}
+
+Status GlPipeline::run_bins(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
   if (is_batched()) return run_batch(bins, tiles);
   if (is_by_words()) return run_words(bins, tiles);
   for (const TileBin& bin : bins) VOXELD_TRY(run_tile(bin, tiles));
@@ -187,10 +204,11 @@ Status GlPipeline::touch_windows(const TileBin& bin, uint64_t& blocks, bool& is_
     is_one_window = first == 0 && end == bin.triangles.size();
     stats_->work_items += static_cast<int64_t>(window_.items.size());
     if (window_.items.empty()) continue;
-    timer_->begin("occupancy");
-    VOXELD_TRY(device_.clear_mask(window_.blocks));
-    VOXELD_TRY(touch_.run(window_, stats_->pipeline, plan_->options.rule));
-    timer_->end();
+    {
+      const gpu::PassTimer::Pass pass = timer_->measure("occupancy");
+      VOXELD_TRY(device_.clear_mask(window_.blocks));
+      VOXELD_TRY(touch_.run(window_, stats_->pipeline, plan_->options.rule));
+    }
     blocks |= window_.blocks;
   }
   return {};
@@ -235,9 +253,10 @@ Status GlPipeline::touch_words(std::span<const TilePart> parts, std::span<uint64
   Stopwatch watch;
   VOXELD_TRY(word_touch_.sort(plan_->mesh, parts));
   note("items", watch.lap());
-  timer_->begin("occupancy");
-  VOXELD_TRY(word_touch_.touch());
-  timer_->end();
+  {
+    const gpu::PassTimer::Pass pass = timer_->measure("occupancy");
+    VOXELD_TRY(word_touch_.touch());
+  }
   stats_->work_items += static_cast<int64_t>(word_touch_.small_count());
   for (const TilePart& part : parts) {
     const auto large = word_touch_.large(part.slot);
@@ -327,9 +346,10 @@ Status GlPipeline::sum_attributes(const TileBin& bin, size_t voxel_count, bool i
 
 Status GlPipeline::resolve_sums(const TileBin& bin, size_t first, size_t count, bool is_one_window,
                                 SparseTile& tile) {
-  timer_->begin("attributes");
-  VOXELD_TRY(attributes_.begin_voxels(first, count));
-  timer_->end();
+  {
+    const gpu::PassTimer::Pass pass = timer_->measure("attributes");
+    VOXELD_TRY(attributes_.begin_voxels(first, count));
+  }
   VOXELD_TRY(sum_windows(bin, is_one_window));
   Stopwatch watch;
   attributes_.read(sums_, carries_);
@@ -395,9 +415,8 @@ Status GlPipeline::sum_windows(const TileBin& bin, bool is_one_window) {
     Stopwatch watch;
     plan_->records->fill(bin.triangles.subspan(first, end - first), window_, words_);
     note("records", watch.lap());
-    timer_->begin("attributes");
+    const gpu::PassTimer::Pass pass = timer_->measure("attributes");
     VOXELD_TRY(attributes_.run(window_, words_, stats_->pipeline));
-    timer_->end();
   }
   return {};
 }

@@ -11,6 +11,7 @@
 #include "server/voxel/gl/attribute_pass.h"
 #include "server/voxel/gl/occupancy/batch_bricks.h"
 #include "server/voxel/gl/occupancy/batch_touch.h"
+#include "server/voxel/gl/occupancy/dispatch_pace.h"
 #include "server/voxel/gl/occupancy/gl_tuning.h"
 #include "server/voxel/gl/occupancy/tile_device.h"
 #include "server/voxel/gl/occupancy/touch_pass.h"
@@ -32,7 +33,8 @@ class GlPipeline final : public TilePipeline, public DeviceInside, public Device
   GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning = {});
 
   Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
-  Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
+  Status run_tiles(std::span<const TileBin> bins, const Pause& pause,
+                   std::vector<SparseTile>& tiles) override;
   void end_job() override;
   void end_frames() override;
   int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const override;
@@ -57,6 +59,7 @@ class GlPipeline final : public TilePipeline, public DeviceInside, public Device
   // Properties of the current job.
   bool is_batched() const;
   bool is_by_words() const;
+  Status run_bins(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
   Status run_batch(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
   Status add_attributes(const TileBin& bin, size_t slot, SparseTile& tile);
   Status run_words(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
@@ -79,6 +82,7 @@ class GlPipeline final : public TilePipeline, public DeviceInside, public Device
 
   gpu::Context* context_;
   GlTuning tuning_;
+  DispatchPace pace_;
   TileDevice device_;
   TouchPass touch_;
   WordTouch word_touch_;

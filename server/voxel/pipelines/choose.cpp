@@ -18,12 +18,29 @@ bool needs_cpu(const ChoiceContext& context, bool attributes) {
   return context.device == nullptr || (attributes && !context.device->has_int64);
 }
 
+// True if the device's self-test found a fault in the pipeline.
+bool is_faulty(const ChoiceContext& context, Pipeline pipeline, bool attributes) {
+  return pipeline != Pipeline::kCpu && context.faults != nullptr &&
+         context.faults->has(surface_part(pipeline, attributes));
+}
+
+// Names the pipelines that are left out for a fault, for the end of a reason.
+std::string faulty_text(const ChoiceContext& context, bool attributes) {
+  std::string names;
+  for (const Pipeline one : {Pipeline::kCompute, Pipeline::kRaster}) {
+    if (!is_faulty(context, one, attributes)) continue;
+    names.append(names.empty() ? "" : " and ").append(pipeline_name(one));
+  }
+  return names.empty() ? "" : "; the device failed the self-test of " + names;
+}
+
 // Predictions of the pipelines that can run the request, fastest first.
 std::vector<Prediction> predictions(const ChoiceContext& context, const Workload& work,
                                     bool attributes) {
   std::vector<Prediction> found;
   for (const Pipeline one : {Pipeline::kCpu, Pipeline::kCompute, Pipeline::kRaster}) {
     if (one != Pipeline::kCpu && needs_cpu(context, attributes)) continue;
+    if (is_faulty(context, one, attributes)) continue;
     const CostModel* model = context.calibration.calibration.model(one, attributes);
     if (model != nullptr) found.push_back({one, model->predict_ms(work)});
   }
@@ -62,11 +79,17 @@ PipelineDecision by_rule(const ChoiceContext& context, bool attributes) {
             "cpu: the device is a software driver, which would run shaders on the same cores" + how,
             {}};
   }
-  return {Pipeline::kCompute,
-          "compute: the device is hardware, and hardware for data centres has few units that "
-          "rasterize" +
-              how,
-          {}};
+  if (!is_faulty(context, Pipeline::kCompute, attributes)) {
+    return {Pipeline::kCompute,
+            "compute: the device is hardware, and hardware for data centres has few units that "
+            "rasterize" +
+                how,
+            {}};
+  }
+  if (!is_faulty(context, Pipeline::kRaster, attributes)) {
+    return {Pipeline::kRaster, "raster: the device is hardware" + how, {}};
+  }
+  return {Pipeline::kCpu, "cpu: it makes the bytes that the device should", {}};
 }
 
 }  // namespace
@@ -95,9 +118,17 @@ PipelineDecision decide_pipeline(PipelineChoice asked, const ChoiceContext& cont
   }
   if (context.calibration.found) {
     const std::vector<Prediction> by_time = predictions(context, work, attributes);
-    if (!by_time.empty()) return fastest(by_time, context.calibration.calibration.date);
+    if (!by_time.empty()) {
+      PipelineDecision decision = fastest(by_time, context.calibration.calibration.date);
+      decision.reason += faulty_text(context, attributes);
+      return decision;
+    }
   }
-  return by_rule(context, attributes);
+  PipelineDecision decision = by_rule(context, attributes);
+  if (context.device != nullptr && !context.device->is_software) {
+    decision.reason += faulty_text(context, attributes);
+  }
+  return decision;
 }
 
 std::string milliseconds_text(double ms) {

@@ -8,6 +8,7 @@
 #include "proto/options/options.h"
 #include "server/voxel/estimates/calibration.h"
 #include "server/voxel/estimates/cost_model.h"
+#include "server/voxel/pipelines/device_faults.h"
 #include "server/voxel/pipelines/tile_pipeline.h"
 
 namespace voxeld {
@@ -23,6 +24,7 @@ struct PipelineDecision {
 struct ChoiceContext {
   const DeviceTraits* device = nullptr;  // null: no GL context, only pipeline cpu
   const CalibrationLookup& calibration;
+  const DeviceFaults* faults = nullptr;  // pipelines that `auto` must not take; null: none
 };
 
 // The pipeline that the request names; nullopt for `auto`.

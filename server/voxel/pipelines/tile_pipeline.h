@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -30,6 +31,8 @@
 
 namespace voxeld {
 
+struct DeviceCalibration;
+
 // A request after placing and snapping, from which every tile is made. Its address must not change
 // before end_job().
 struct VoxelizePlan {
@@ -51,6 +54,8 @@ struct VoxelizePlan {
   // The device already has the vertices (DeviceSkin). `mesh` has current ones only if the CPU needs
   // them.
   bool has_device_vertices = false;
+  // Measured costs of the device's pipelines; null: there are none.
+  const DeviceCalibration* calibration = nullptr;
 
   // True if the sums over all triangles are used. Channels of ids have sums of their own.
   bool needs_sums() const { return channels.summed.count() > 1 || channels.grid.coverage; }
@@ -69,6 +74,7 @@ struct VoxelizePlan {
 struct VoxelizeStats {
   Pipeline pipeline = Pipeline::kCompute;
   std::string pipeline_reason;  // why `auto` chose it
+  std::string device_failure;   // the error after which the CPU went on; empty: there was none
   Workload work;                // the input of the prediction of `auto`
   int64_t triangles = 0;        // after clipping to the grid's box
   int64_t tiles = 0;            // tiles that triangles reach
@@ -94,9 +100,13 @@ class TilePipeline {
 
   // The plan and the statistics must outlive the job.
   virtual Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) = 0;
+  // Tells the progress so far. An error, which the caller returns, says that the job is cancelled.
+  using Pause = std::function<Status()>;
   // Appends the nonempty tiles of `bins`, in their order. Devices leave channels of wide ids and
-  // colours of nearest points at 0 (VoxelizePlan::finishes_on_cpu()).
-  virtual Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) = 0;
+  // colours of nearest points at 0 (VoxelizePlan::finishes_on_cpu()). They call `pause` between
+  // long dispatches.
+  virtual Status run_tiles(std::span<const TileBin> bins, const Pause& pause,
+                           std::vector<SparseTile>& tiles) = 0;
   // Frees what only this job needed. Called after an error too.
   virtual void end_job() = 0;
   // Frees what a job kept for the next frame.

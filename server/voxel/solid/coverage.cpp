@@ -72,7 +72,7 @@ int64_t coverage_bytes(const GridSpec& spec, int64_t surface_bytes, int threads)
 }
 
 Result<CoverageCounts> CoverageCounts::of(const FillMesh& mesh, const glm::ivec3& dims, Sign sign,
-                                          ThreadTeam& team, const ColumnProgress& progress) {
+                                          InsideFinder& finder, const ColumnProgress& progress) {
   constexpr int kPartBits = std::countr_zero(unsigned{kCoverageParts});
   const FillMesh finer = mesh.scaled(kPartBits);
   CoverageCounts result;
@@ -82,7 +82,7 @@ Result<CoverageCounts> CoverageCounts::of(const FillMesh& mesh, const glm::ivec3
   const auto take = [&](const std::vector<SparseTile>& tiles) {
     for (const SparseTile& tile : tiles) result.add(tile, counts);
   };
-  VOXELD_TRY(find_inside({finer, dims * kCoverageParts, sign, {}}, team, go_on, take, votes));
+  VOXELD_TRY(finder.find({finer, dims * kCoverageParts, sign, {}}, go_on, take, votes));
   result.sort();
   return result;
 }

@@ -31,7 +31,7 @@ class CoverageCounts {
   // one. sign: as in InsideJob. Errors: those of `progress`, which is called from time to time with
   // 0 columns done.
   static Result<CoverageCounts> of(const FillMesh& mesh, const glm::ivec3& dims, Sign sign,
-                                   ThreadTeam& team, const ColumnProgress& progress);
+                                   InsideFinder& finder, const ColumnProgress& progress);
 
   // Turns bricks of full nodes into masks if one of their cells is not entirely inside, because the
   // voxels of full nodes count as covered. The tiles must have no attributes.

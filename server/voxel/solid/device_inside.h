@@ -15,7 +15,7 @@ class DeviceInside {
  public:
   virtual ~DeviceInside() = default;
 
-  // Same as voxeld::find_inside(), with the same tiles in any order. stats.pipeline selects raster
+  // Same as InsideFinder::find(), with the same tiles in any order. stats.pipeline selects raster
   // or compute. Adds passes and the peak of bytes to `stats`. Errors: also grid-too-large and
   // device-unavailable if the device lacks memory, internal with the driver's words.
   virtual Status find_inside(const InsideJob& job, const ColumnProgress& progress,

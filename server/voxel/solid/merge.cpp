@@ -39,6 +39,9 @@ class TileMerger {
 
   SparseTile run() {
     out_.coord = surface_.coord;
+    const size_t bricks_max = surface_.masks.size() + inside_.masks.size();
+    out_.brick_morton.reserve(bricks_max);
+    out_.masks.reserve(bricks_max);
     const std::vector<FullNode> nodes = merge_full(surface_.full, inside_.full);
     size_t next_node = 0;
     for (;;) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "server/base/clock.h"
+#include "server/voxel/pipelines/fallback.h"
 #include "server/voxel/solid/distance/distance_field.h"
 #include "server/voxel/solid/distance/distance_maker.h"
 #include "server/voxel/solid/flood.h"
@@ -73,20 +74,30 @@ Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, co
     TouchCells cells(plan, surface);
     VOXELD_ASSIGN(const auto* touched, cells.get(touch));
     if (device_ != nullptr) {
-      VOXELD_ASSIGN(const bool done,
-                    device_->flood_inside(*touched, plan.spec.dims, progress, tiles, stats));
-      if (done) return tiles;
+      const auto done = device_->flood_inside(*touched, plan.spec.dims, progress, tiles, stats);
+      if (done.ok() && *done) return tiles;
+      if (!done) VOXELD_TRY(fall_back(plan, done.error(), tiles, stats));
     }
     VOXELD_TRY(flood_inside(*touched, plan.spec.dims, progress, tiles));
     return tiles;
   }
   const InsideJob job = {mesh, plan.spec.dims, sign, {surface}};
   if (device_ != nullptr) {
-    VOXELD_TRY(device_->find_inside(job, progress, tiles, votes, stats));
-  } else {
-    VOXELD_TRY(find_inside(job, team_, progress, tiles, votes));
+    const Status found = device_->find_inside(job, progress, tiles, votes, stats);
+    if (found) return tiles;
+    VOXELD_TRY(fall_back(plan, found.error(), tiles, stats));
+    votes = {};
   }
+  VOXELD_TRY(finder_.find(job, progress, tiles, votes));
   return tiles;
+}
+
+Status SolidFiller::fall_back(const VoxelizePlan& plan, const Error& error,
+                              std::vector<SparseTile>& tiles, VoxelizeStats& stats) {
+  if (!may_fall_back(plan.options, error)) return error;
+  record_fallback(error, stats);
+  tiles.clear();
+  return {};
 }
 
 Result<std::vector<SparseTile>> SolidFiller::find_signed(
@@ -110,7 +121,8 @@ Result<std::vector<SparseTile>> SolidFiller::find_signed(
   // A device's passes are reported under their own names; "inside" is the rest.
   add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
   if (!plan.channels.volume) return found;
-  VOXELD_ASSIGN(coverage_, CoverageCounts::of(mesh, plan.spec.dims, choice.sign, team_, progress));
+  VOXELD_ASSIGN(coverage_,
+                CoverageCounts::of(mesh, plan.spec.dims, choice.sign, finder_, progress));
   coverage_->spell_out(found);
   add_stage(stats.passes, "coverage", watch.lap());
   return found;

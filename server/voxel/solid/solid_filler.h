@@ -17,11 +17,11 @@ namespace voxeld {
 // Fills grids. Not thread-safe.
 class SolidFiller {
  public:
-  // device: finds the inside; null leaves that to the team's threads. The CPU always chooses the
-  // sign of `auto`, measures distances and unites tiles. host_bytes_max: limit for memory whose
-  // size is known only once the inside is.
-  SolidFiller(ThreadTeam& team, int64_t host_bytes_max, DeviceInside* device = nullptr)
-      : team_(team), host_bytes_max_(host_bytes_max), device_(device) {}
+  // device: finds the inside; null leaves that to `finder`, whose threads are used for all else,
+  // too. The CPU always chooses the sign of `auto`, measures distances and unites tiles.
+  // host_bytes_max: limit for memory whose size is known only once the inside is.
+  SolidFiller(InsideFinder& finder, int64_t host_bytes_max, DeviceInside* device = nullptr)
+      : finder_(finder), team_(finder.team()), host_bytes_max_(host_bytes_max), device_(device) {}
 
   // Makes the tiles of rule=touch, without attributes, in any order.
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
@@ -47,6 +47,10 @@ class SolidFiller {
                                          const std::vector<SparseTile>& surface, Sign sign,
                                          AxisVotes& votes, VoxelizeStats& stats);
 
+  // Discards what the device found before it failed, if the CPU may go on; else the error.
+  static Status fall_back(const VoxelizePlan& plan, const Error& error,
+                          std::vector<SparseTile>& tiles, VoxelizeStats& stats);
+
   // Finds the inside by the plan's sign, and records in `stats` how.
   Result<std::vector<SparseTile>> find_signed(const VoxelizePlan& plan, const FillMesh& mesh,
                                               const TouchTiles& touch,
@@ -59,6 +63,7 @@ class SolidFiller {
                VoxelizeStats& stats) const;
 
   std::optional<CoverageCounts> coverage_;  // set if the plan wants the coverage of volumes
+  InsideFinder& finder_;
   ThreadTeam& team_;
   int64_t host_bytes_max_;
   DeviceInside* device_;

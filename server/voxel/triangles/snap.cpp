@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "server/base/floor.h"
 #include "server/base/parallel.h"
 #include "server/voxel/triangles/clip.h"
 #include "server/voxel/triangles/split.h"
@@ -42,13 +43,6 @@ bool inside_box(const glm::dvec3& p, const glm::ivec3& dims) {
   int outside = 0;
   for (int c = 0; c < 3; ++c) outside |= int{!(p[c] >= -1.0)} | int{!(p[c] <= dims[c] + 1.0)};
   return outside == 0;
-}
-
-// A substitute for std::floor, which is a function call if the instruction set has no rounding. |x|
-// < 2^31.
-int32_t floor_to_int(double x) {
-  const auto truncated = static_cast<int32_t>(x);
-  return truncated - (truncated > x ? 1 : 0);
 }
 
 // snap_coordinate(), defined here so that it is inlined.

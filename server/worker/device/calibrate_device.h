@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/gpu/device.h"
+#include "server/device/device.h"
 
 namespace voxeld {
 

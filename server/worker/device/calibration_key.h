@@ -2,7 +2,7 @@
 #pragma once
 
 #include "server/base/algorithm_version.h"
-#include "server/gpu/device.h"
+#include "server/device/device.h"
 #include "server/process/machine.h"
 #include "server/voxel/estimates/calibration.h"
 

@@ -7,7 +7,7 @@
 
 #include "proto/messages/task_api.h"
 #include "proto/result.h"
-#include "server/gpu/device.h"
+#include "server/device/device.h"
 #include "server/render/render.h"
 #include "server/voxel/pipelines/tile_pipeline.h"
 
@@ -15,6 +15,7 @@ namespace voxeld {
 
 struct OpenedDevice {
   gpu::DeviceInfo info;
+  std::string shaders;                     // ShaderLibrary::sources_hash(); empty without GL
   std::shared_ptr<void> context;           // outlives the next two; null without GL
   std::unique_ptr<TilePipeline> pipeline;  // raster and compute; null without GL
   std::unique_ptr<Renderer> gl_renderer;   // null without GL

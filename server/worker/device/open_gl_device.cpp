@@ -25,6 +25,7 @@ Result<OpenedDevice> open_gl_device(const gpu::DeviceId& device, const std::stri
   const auto state = std::make_shared<GlState>(std::move(context), shader_dir);
   OpenedDevice opened;
   opened.info = state->context->info();
+  opened.shaders = state->shaders.sources_hash();
   opened.context = state;
   opened.pipeline = std::make_unique<GlPipeline>(*state->context, state->shaders);
   opened.gl_renderer = std::make_unique<GlRenderer>(*state->context, state->shaders);

@@ -1,11 +1,13 @@
 #include "server/worker/frames/container_frames.h"
 
 #include <algorithm>
+#include <glm/common.hpp>
 #include <utility>
 
 #include "proto/container/sequence_format.h"
 #include "server/base/file.h"
 #include "server/formats/formats.h"
+#include "server/grid/content_hash.h"
 #include "server/grid/region.h"
 #include "server/worker/frames/frame_times.h"
 #include "server/worker/grids/grid_input.h"
@@ -26,15 +28,36 @@ Error of_frame(size_t frame, Error error) {
 }
 
 Result<Grid> selected_grid(TaskRun& run, const std::filesystem::path& container,
-                           const OutputOptions& output) {
+                           const OutputOptions& asked, const CellBox& crop) {
   VOXELD_ASSIGN(const auto input, GridInput::open(run, container));
-  VOXELD_ASSIGN(const Selection selection, Selection::open(input->tiles(), output));
+  const GridSpec& whole = input->tiles().grid().spec;
+  const OutputOptions output = asked.crop ? crop_to(asked, whole, crop) : asked;
+  VOXELD_ASSIGN(const Selection selection, Selection::open(input->tiles(), asked, crop));
   Grid grid = selection.tiles().grid();
   VOXELD_TRY(for_each_batch(selection.tiles(), [&](std::vector<SparseTile> batch) -> Status {
     for (SparseTile& tile : batch) grid.tiles.push_back(std::move(tile));
     return {};
   }));
+  if (selects(output)) {
+    json facts = selection_facts(input->tiles().grid(), output);
+    facts.update(grid_facts(grid, grid.voxel_count(), content_hash(grid)));
+    grid.meta = grid.meta.with(facts);
+  }
   return grid;
+}
+
+// The box of the cells that are occupied in any frame, as occupied_selection().
+Result<CellBox> occupied_by_all(TaskRun& run, const MadeSequence& sequence,
+                                const OutputOptions& output) {
+  CellBox all;
+  for (size_t i = 0; i < sequence.paths.size(); ++i) {
+    VOXELD_ASSIGN(const auto input, GridInput::open(run, sequence.paths[i]));
+    auto box = occupied_selection(input->tiles(), output);
+    if (!box) return of_frame(i, std::move(box).error());
+    if (box->empty()) continue;
+    all = all.empty() ? *box : CellBox{glm::min(all.min, box->min), glm::max(all.max, box->max)};
+  }
+  return all;
 }
 
 // Upper bound of a frame in memory, with the worst case of few voxels per brick, and its
@@ -49,9 +72,9 @@ int64_t largest_sequence_bytes(const SequenceManifest& manifest) {
 }
 
 // Lists a written sequence as the result.
-Status list_sequence(TaskRun& run, const std::filesystem::path& path, const GridSpec& spec,
+Status list_sequence(TaskRun& run, const std::filesystem::path& path, const Grid& common,
                      size_t frames, const OutputOptions& output) {
-  add_warnings(run, sequence_warnings(spec, frames, output));
+  add_warnings(run, sequence_warnings(common, frames, output));
   list_output(run, path, "result", sequence_media_type(output.format),
               sequence_extension(output.format));
   return run.monitor.check();
@@ -98,15 +121,22 @@ Result<MadeSequence> open_sequence(TaskRun& run, const AnimationOptions& options
 }
 
 Result<ContainerFrames> ContainerFrames::open(TaskRun& run, const MadeSequence& sequence,
-                                              const OutputOptions& output) {
-  ContainerFrames source(run, sequence, output);
+                                              const OutputOptions& asked) {
   const GridSpec spec = sequence_spec(sequence.manifest);
+  VOXELD_TRY(check_channels(sequence.manifest.channels, asked));
+  OutputOptions output = asked;
+  ContainerFrames source(run, sequence, asked);
+  if (asked.crop) {
+    VOXELD_ASSIGN(source.crop_, occupied_by_all(run, sequence, asked));
+    output = crop_to(asked, spec, source.crop_);
+  }
   VOXELD_ASSIGN(source.common_.spec, selected_spec(spec, output));
   source.common_.channels = sequence.manifest.channels;
   source.common_.meta = GridMeta::parse(sequence.manifest.meta_json);
   if (selects(output)) {
     Grid whole;
     whole.spec = spec;
+    whole.meta = source.common_.meta;
     json facts = selection_facts(whole, output);
     facts.update(place_facts(source.common_.spec));
     source.common_.meta = source.common_.meta.with(facts);
@@ -115,7 +145,7 @@ Result<ContainerFrames> ContainerFrames::open(TaskRun& run, const MadeSequence& 
 }
 
 Result<Grid> ContainerFrames::frame(size_t index) const {
-  auto grid = selected_grid(*run_, sequence_->paths[index], output_);
+  auto grid = selected_grid(*run_, sequence_->paths[index], output_, crop_);
   if (!grid) return of_frame(index, std::move(grid).error());
   return grid;
 }
@@ -133,12 +163,13 @@ Status ContainerFrames::before_tiles(size_t done, size_t total) const {
 Status write_frames(TaskRun& run, const MadeSequence& sequence, const OutputOptions& output) {
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const ContainerFrames source, ContainerFrames::open(run, sequence, output));
-  const GridSpec& spec = source.common().spec;
-  VOXELD_TRY(check_sequence_encodable(spec, source.frame_count(), output));
+  const Grid& common = source.common();
+  VOXELD_TRY(check_sequence_encodable(common.spec, source.frame_count(), output));
+  VOXELD_TRY(check_channels(common.channels, output));
   if (SequenceBeside::fits(output)) expect_bytes(run, largest_sequence_bytes(sequence.manifest));
   const std::filesystem::path path = next_output(run);
   VOXELD_TRY(write_sequence(source, output, path));
-  return list_sequence(run, path, spec, source.frame_count(), output);
+  return list_sequence(run, path, common, source.frame_count(), output);
 }
 
 bool SequenceBeside::fits(const OutputOptions& output) {
@@ -146,12 +177,11 @@ bool SequenceBeside::fits(const OutputOptions& output) {
 }
 
 Status SequenceBeside::begin(const SequenceManifest& manifest) {
-  Grid common;
-  common.spec = spec_ = sequence_spec(manifest);
-  common.channels = manifest.channels;
-  common.meta = GridMeta::parse(manifest.meta_json);
+  common_.spec = sequence_spec(manifest);
+  common_.channels = manifest.channels;
+  common_.meta = GridMeta::parse(manifest.meta_json);
   path_ = run_.scratch / (run_.task.id + "-sequence");
-  VOXELD_ASSIGN(file_, NativeSequence::create(common, manifest.fps, output_.codec, path_));
+  VOXELD_ASSIGN(file_, NativeSequence::create(common_, manifest.fps, output_.codec, path_));
   return {};
 }
 
@@ -177,7 +207,7 @@ Status SequenceBeside::finish() {
   is_last_stage_ = true;
   VOXELD_TRY(side_.wait());
   VOXELD_TRY(file_->finish());
-  return list_sequence(run_, path_, spec_, frame_count_, output_);
+  return list_sequence(run_, path_, common_, frame_count_, output_);
 }
 
 }  // namespace voxeld

@@ -10,6 +10,7 @@
 #include "proto/options/options.h"
 #include "server/formats/native_sequence.h"
 #include "server/grid/frame_source.h"
+#include "server/grid/tile_source.h"
 #include "server/worker/frames/make_frames.h"
 #include "server/worker/task/serial_queue.h"
 #include "server/worker/task/task_run.h"
@@ -20,13 +21,14 @@ namespace voxeld {
 // of the manifest; invalid-option of select_frames().
 Result<MadeSequence> open_sequence(TaskRun& run, const AnimationOptions& options);
 
-// Reads frames and applies the request's level and region to each. Each frame read reports progress
-// and checks for cancellation.
+// Reads frames and applies the request's level, region, crop, mirror and palette to each. For crop,
+// which is to the cells that any frame occupies, all frames are read once more. Each frame read
+// reports progress and checks for cancellation.
 class ContainerFrames final : public FrameSource {
  public:
   // `sequence` and the run must outlive it. Errors: invalid-option for a region outside the grid.
   static Result<ContainerFrames> open(TaskRun& run, const MadeSequence& sequence,
-                                      const OutputOptions& output);
+                                      const OutputOptions& asked);
 
   const Grid& common() const override { return common_; }
   size_t frame_count() const override { return sequence_->paths.size(); }
@@ -43,6 +45,7 @@ class ContainerFrames final : public FrameSource {
   TaskRun* run_;
   const MadeSequence* sequence_;
   OutputOptions output_;
+  CellBox crop_;  // of all frames, if the output is cropped
   Grid common_;
 };
 
@@ -77,7 +80,7 @@ class SequenceBeside final : public FrameListener {
   TaskRun& run_;
   const OutputOptions output_;
   std::filesystem::path path_;
-  GridSpec spec_;
+  Grid common_;  // without tiles
   size_t frame_count_ = 0;
   std::unique_ptr<NativeSequence> file_;
   std::atomic<bool> is_wanted_ = true, is_last_stage_ = false;

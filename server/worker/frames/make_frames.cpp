@@ -199,12 +199,14 @@ class FrameLoop {
 
   Status voxelize(TileSink& sink) {
     stats_.fill.reset();
-    return run_.engine.voxelizer.voxelize(
+    Status made = run_.engine.voxelizer.voxelize(
         clip_.moving.scene(), options_.voxelize, &shared_, sink,
         [this](int64_t done, int64_t total) {
           return run_.monitor.set_progress(done, total) && run_.slice.boundary();
         },
         &stats_);
+    note_device(run_.engine, stats_);
+    return made;
   }
 
   // Fills in the manifest except its frames.
@@ -242,7 +244,7 @@ class FrameLoop {
 }  // namespace
 
 Result<Clip> open_clip(TaskRun& run, const RequestOptions& options) {
-  VOXELD_ASSIGN(auto animated, load_input_animated(run, true));
+  VOXELD_ASSIGN(auto animated, load_input_animated(run, load_options(options.voxelize)));
   VOXELD_ASSIGN(MovingScene moving, MovingScene::open(std::move(animated), options.animation));
   VOXELD_ASSIGN(FrameTimes times, frame_times(options.animation, moving.animation()));
   VOXELD_TRY(moving.begin(times.times_s.front()));

@@ -1,12 +1,15 @@
 #include "server/worker/grids/grid_input.h"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "proto/options/values.h"
 #include "proto/options/words.h"
 #include "server/base/mapped_pages.h"
 #include "server/formats/formats.h"
+#include "server/formats/output_file.h"
+#include "server/formats/zarr/zarr.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/level.h"
 #include "server/grid/region.h"
@@ -21,6 +24,49 @@ using nlohmann::json;
 
 // After this many tiles the pages of the file are released.
 constexpr int64_t kTilesResident = 64;
+
+// "xz": the axes along which cells are in reverse order.
+std::string mirrored_axes(const OutputOptions& output) {
+  std::string axes;
+  for (size_t c = 0; c < output.mirror.size(); ++c) {
+    if (output.mirror[c]) axes += "xyz"[c];
+  }
+  return axes;
+}
+
+// The names of labels after their numbers have changed, as {id, name} ascending by id. Of labels
+// that become one, the name of the unchanged one stays, or else that of the lowest.
+json remapped_names(const json& labels, const std::vector<LabelChange>& changes) {
+  std::map<int64_t, json> named;
+  for (const json& label : labels) {
+    if (!label.is_object() || !label.contains("id") || !label["id"].is_number_integer()) continue;
+    json moved = label;
+    const auto id = label["id"].get<int64_t>();
+    const auto at = std::ranges::find(changes, id, [](const LabelChange& c) { return c.from; });
+    const bool is_changed = at != changes.end() && at->to != at->from;
+    const int64_t number = is_changed ? at->to : id;
+    moved["id"] = number;
+    if (is_changed && named.contains(number)) continue;
+    named[number] = std::move(moved);
+  }
+  json list = json::array();
+  for (auto& [number, label] : named) list.push_back(std::move(label));
+  return list;
+}
+
+void add_morphology_facts(const Grid& whole, const OutputOptions& output, json& facts) {
+  if (output.keep > 0) facts["keep"] = output.keep;
+  if (output.dilate > 0) facts["dilate"] = output.dilate;
+  if (output.erode > 0) facts["erode"] = output.erode;
+  if (output.hollow > 0) facts["hollow"] = output.hollow;
+  if (changes_voxels(output)) {
+    facts["neighbors"] =
+        option_values::word_of<Neighbors>(output.neighbors, option_words::kNeighbors);
+  }
+  const json& meta = whole.meta.members();
+  if (output.remap.empty() || !meta.contains("labels") || !meta["labels"].is_array()) return;
+  facts["labels"] = remapped_names(meta["labels"], output.remap);
+}
 
 // The meta of a selection's container.
 GridMeta selection_meta(const TileSource& source, const OutputOptions& output,
@@ -50,6 +96,21 @@ Status write_native(TaskRun& run, const TileSource& source, const TileSource& ti
   return run.monitor.check();
 }
 
+// The levels of a Zarr store need the tiles several times, and never all at once.
+Status write_zarr(TaskRun& run, const TileSource& source, const TileSource& tiles,
+                  const OutputOptions& output) {
+  const std::filesystem::path path = next_output(run);
+  {
+    VOXELD_ASSIGN(OutputFile file, OutputFile::create(path));
+    VOXELD_TRY(zarr::write_store(tiles, output, file));
+  }
+  add_meta(run, selection_meta(source, output, place_facts(tiles.grid().spec)).members());
+  add_warnings(run, encode_warnings(tiles.grid(), output));
+  list_output(run, path, "result", format_media_type(Format::kZarr),
+              format_extension(Format::kZarr));
+  return run.monitor.check();
+}
+
 Status write_other(TaskRun& run, const TileSource& source, const TileSource& tiles,
                    const OutputOptions& output) {
   Grid grid = tiles.grid();
@@ -61,13 +122,19 @@ Status write_other(TaskRun& run, const TileSource& source, const TileSource& til
   grid.meta = selection_meta(source, output, facts);
   add_meta(run, grid.meta.members());
   add_meta(run, facts);
-  VOXELD_ASSIGN(const std::vector<uint8_t> bytes, encode(grid, output));
-  add_warnings(run, encode_warnings(grid.spec, output));
-  return add_output(run, "result", bytes, format_media_type(output.format),
-                    format_extension(output.format));
+  return write_result(run, grid, output);
 }
 
 }  // namespace
+
+Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output) {
+  const std::filesystem::path path = next_output(run);
+  VOXELD_TRY(write_grid(grid, output, path));
+  add_warnings(run, encode_warnings(grid, output));
+  list_output(run, path, "result", format_media_type(output.format),
+              format_extension(output.format));
+  return run.monitor.check();
+}
 
 json selection_facts(const Grid& whole, const OutputOptions& output) {
   json facts = {{"level", output.level}};
@@ -76,6 +143,10 @@ json selection_facts(const Grid& whole, const OutputOptions& output) {
         option_values::word_of<LevelRule>(output.level_rule, option_words::kLevelRule);
   }
   if (output.region) facts["region"] = *output.region;
+  add_morphology_facts(whole, output, facts);
+  const std::string axes = mirrored_axes(output);
+  if (!axes.empty()) facts["mirror"] = axes;
+  if (recolors(output)) facts["palette_colors"] = output.palette.size();
   const glm::ivec3 dims = whole.spec.dims;
   facts["of"] = {{"dims", {dims.x, dims.y, dims.z}}};
   const std::string hash = whole.meta.content_hash();
@@ -109,14 +180,26 @@ Result<GridSpec> selected_spec(const GridSpec& spec, const OutputOptions& output
   return selected;
 }
 
-Status write_selection(TaskRun& run, const TileSource& source, const OutputOptions& output) {
+Status write_selection(TaskRun& run, const TileSource& source, const OutputOptions& asked) {
   const StageTimer stage(run, "encode");
-  VOXELD_ASSIGN(const Selection selection, Selection::open(source, output));
+  VOXELD_TRY(check_channels(source.grid().channels, asked));
+  OutputOptions output = asked;
+  CellBox crop;
+  if (asked.crop) {
+    VOXELD_ASSIGN(crop, occupied_selection(source, asked));
+    output = crop_to(asked, source.grid().spec, crop);
+  }
+  VOXELD_ASSIGN(const Selection selection, Selection::open(source, asked, crop));
   const TileSource& tiles = selection.tiles();
   VOXELD_TRY(check_encodable(tiles.grid().spec, output));
   expect_bytes(run, selection_bytes(source, tiles, output));
-  return output.format == Format::kNative ? write_native(run, source, tiles, output)
-                                          : write_other(run, source, tiles, output);
+  if (output.format == Format::kNative) return write_native(run, source, tiles, output);
+  if (output.format == Format::kZarr) return write_zarr(run, source, tiles, output);
+  return write_other(run, source, tiles, output);
+}
+
+bool is_made_from_tiles(const OutputOptions& output) {
+  return selects(output) || output.format == Format::kZarr;
 }
 
 }  // namespace voxeld

@@ -34,13 +34,23 @@ class GridInput {
   std::atomic<int64_t> read_{0};
 };
 
-// Makes the part of a grid that the request's level and region select, and lists it as the result
-// in the request's format. A native result in the codec of stored grids is listed as a grid too.
-// The completion's meta describes the selection. Containers are written tile by tile; other formats
-// are made in memory. Stage: encode. Errors: those of Selection, check_encodable().
-Status write_selection(TaskRun& run, const TileSource& source, const OutputOptions& output);
+// Writes the whole grid in the request's format and lists it as the result. Errors: those of
+// write_grid().
+Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output);
 
-// Facts of the selection, beside those of every grid: {level, level_rule, region, of}.
+// Makes the part of a grid that the request's level, region and crop select, mirrored and with the
+// colours of its palette, and lists it as the result in the request's format. A native result in
+// the codec of stored grids is listed as a grid too. The completion's meta describes the selection.
+// Containers and Zarr stores are written tile by tile; other formats are made in memory. Stage:
+// encode. Errors:
+// those of Selection, check_encodable(), check_channels().
+Status write_selection(TaskRun& run, const TileSource& source, const OutputOptions& output);
+// Whether write_selection() makes a request's result from the stored tiles, not from a grid in
+// memory.
+bool is_made_from_tiles(const OutputOptions& output);
+
+// Facts of the selection, beside those of every grid: {level, level_rule, region,
+// keep, dilate, erode, hollow, neighbors, labels, mirror, palette_colors, of}.
 nlohmann::json selection_facts(const Grid& whole, const OutputOptions& output);
 
 // The placement of the selection from a grid. Errors: invalid-option.

@@ -124,9 +124,16 @@ void add_making_meta(TaskRun& run, const GridMeta& container_meta, const Voxeliz
                  {"pipeline", pipeline_name(stats.pipeline)},
                  {"pipeline_reason", stats.pipeline_reason},
                  {"device_bytes_peak", stats.device_bytes_peak}});
+  if (!stats.device_failure.empty()) add_meta(run, {{"device_failure", stats.device_failure}});
   json passes = json::object();
   for (const auto& [name, ms] : stats.passes) passes[name] = ms;
   add_meta(run, {{"passes_ms", passes}});
+}
+
+void note_device(Engine& engine, const VoxelizeStats& stats) {
+  if (!stats.device_failure.empty() || stats.pipeline != Pipeline::kCpu) {
+    engine.note_device(stats.device_failure);
+  }
 }
 
 void add_input_meta(TaskRun& run, const GridMeta& container_meta) {

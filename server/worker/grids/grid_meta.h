@@ -37,6 +37,8 @@ GridMeta container_meta(const Task& task, const Scene& scene, const nlohmann::js
                         const std::optional<MeshTopology>& topology, LabelKind labels);
 // Adds facts about the making of a grid or sequence, and its container's meta, to the task's meta.
 void add_making_meta(TaskRun& run, const GridMeta& container_meta, const VoxelizeStats& stats);
+// Records for the worker how its device did, if the job used it. Call it after the voxelizer.
+void note_device(Engine& engine, const VoxelizeStats& stats);
 // Adds the container's meta, and this device, to the task's meta.
 void add_input_meta(TaskRun& run, const GridMeta& container_meta);
 

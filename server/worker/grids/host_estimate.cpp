@@ -1,12 +1,14 @@
 #include "server/worker/grids/host_estimate.h"
 
 #include <algorithm>
-#include <optional>
 #include <thread>
 
 #include "proto/limits.h"
+#include "proto/minecraft_blocks.h"
+#include "server/formats/formats.h"
 #include "server/formats/native_sequence.h"
-#include "server/formats/npy_array.h"
+#include "server/grid/morphology/step_tiles.h"
+#include "server/grid/region.h"
 #include "server/process/machine.h"
 #include "server/worker/grids/grid_file.h"
 
@@ -14,6 +16,8 @@ namespace voxeld {
 namespace {
 
 constexpr int64_t kMebi = int64_t{1} << 20;
+constexpr int64_t kBrickCells =
+    int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
 constexpr int64_t kTileCells = int64_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide;
 
 // Memory that a thread of the CPU pipeline, an encoder and the allocator hold: a generous guess.
@@ -36,33 +40,61 @@ int64_t image_bytes(const Scene& scene) {
   return bytes;
 }
 
-// The file that is made from a whole grid, and what the encoder holds beside it.
-int64_t encoded_bytes(int64_t cells, int64_t voxels, const ChannelSet& channels,
+// Bytes of a voxel in a kept tile: its share of a brick, and its attributes.
+constexpr int64_t kListedVoxelBytes = 84;
+
+// Memory of a mesh for each voxel with an outer face: about 3 rectangles, their triangles, and
+// corners of a colour of their own.
+constexpr int64_t kMeshBytes = 384;
+// Voxels with an outer face in a tile: a surface that crosses it twice, a guess.
+constexpr int64_t kTileSurfaceVoxels = int64_t{2} * limits::kTileSide * limits::kTileSide;
+
+// Order and errors of the voxels that are diffused at once (server/grid/palette_entries.cpp).
+int64_t dither_bytes(int64_t voxels, const OutputOptions& output) {
+  constexpr int64_t kDiffusedBytes = 20;
+  if (output.dither != Dither::kError) return 0;
+  return std::min(voxels, threads() * kTileCells) * kDiffusedBytes;
+}
+
+// The memory of an encoder of whole grids. Sparse arrays and some formats of points are written in
+// pieces, and so are files of blocks, which take a byte for each voxel. Other points: the file, and
+// a copy while it grows. Dense arrays: the list of bricks and that of their rows, all cells of a
+// band of distances, and the pieces that are cut into blocks.
+int64_t encoded_bytes(const GridSpec& spec, int64_t voxels, const ChannelSet& channels,
                       const OutputOptions& output) {
-  const FileLayout layout = format_info(output.format).layout;
-  if (layout.kind == FileLayout::kTiles) return 0;
-  if (layout.kind == FileLayout::kPoints) return 2 * voxels * layout.point_bytes;
-  const auto cell_bytes = [&](std::optional<Channel> channel) {
-    const NpyType type = npy_type(channel, output);
-    return static_cast<int64_t>(type.sample_bytes * type.components);
-  };
-  int64_t bytes = cell_bytes(std::nullopt);
-  for (const ChannelInfo& info : kChannels) {
-    const bool is_written = layout.kind == FileLayout::kDenseChannels && channels.has(info.channel);
-    if (is_written) bytes += cell_bytes(info.channel);
+  constexpr int64_t kListedBytes = 24;  // of a brick
+  constexpr int64_t kRowBytes = 16;     // of a row of bricks
+  constexpr int64_t kBlockBytes = 64 * kMebi;
+  constexpr auto kDistanceBytes = static_cast<int64_t>(sizeof(float));
+  const FileLayout layout = output.file_layout();
+  if (layout.kind == FileLayout::kTiles || layout.kind == FileLayout::kSparseArrays) return 0;
+  const bool has_blocks = holds_blocks(output.format);
+  const int64_t blocks = (has_blocks ? voxels : 0) + dither_bytes(voxels, output);
+  if (layout.kind == FileLayout::kPoints) {
+    if (has_blocks) return blocks;
+    return is_written_in_pieces(output.format) ? 0 : 2 * voxels * layout.point_bytes + blocks;
   }
-  return 2 * cells * bytes;
+  if (layout.kind == FileLayout::kSurface) return voxels * kMeshBytes;
+  const bool has_band = layout.kind == FileLayout::kDenseChannels
+                            ? channels.distance
+                            : output.channel == Channel::kDistance;
+  const int64_t cells = spec.cell_count();
+  const auto bricks_along = [&](int axis) {
+    return int64_t{(spec.dims[axis] + limits::kBrickSide - 1) / limits::kBrickSide};
+  };
+  const int64_t rows = bricks_along(1) * bricks_along(2);
+  return std::min(voxels, bricks_along(0) * rows) * kListedBytes + rows * kRowBytes +
+         std::min(kBlockBytes, 2 * cells * static_cast<int64_t>(sizeof(float))) +
+         (has_band ? cells * kDistanceBytes : 0) + blocks;
 }
 
 int64_t tile_voxels_max(const TileSource& source, size_t index) {
   const auto known = static_cast<int64_t>(source.voxels(index));
-  return known > 0 ? known : kTileCells;
+  return known > 0 ? known : std::min(kTileCells, source.grid().spec.cell_count());
 }
 
 // Upper bound of one decoded tile: one brick per voxel, and attributes.
 int64_t tile_bytes_max(const TileSource& source, size_t index) {
-  constexpr int64_t kBrickCells =
-      int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
   const int64_t voxels = tile_voxels_max(source, index);
   const int64_t bricks = std::min(voxels, kTileCells / kBrickCells);
   const Grid& grid = source.grid();
@@ -83,6 +115,30 @@ struct GridSize {
   int64_t voxels = 0;
 };
 
+// Tiles that stages of steps keep, and the bits of the tile that each thread makes; runs of cells
+// and components of voxels.
+int64_t morphology_bytes(const TileSource& source, const OutputOptions& output) {
+  constexpr int64_t kKeptBytes = 128 * kMebi;  // by a stage: CachedTiles
+  constexpr int64_t kRunBytes = 16;            // of a run with its set
+  constexpr int64_t kRunVoxels = 4;            // in a run, a guess
+  constexpr int64_t kOpenTiles = 64;           // that others still touch, a guess
+  constexpr int64_t kTileBits = kTileCells / 8;
+  int64_t stages = 0, voxels = 0, largest = 0;
+  for (const int steps : {output.dilate, output.erode, output.hollow}) stages += steps > 0 ? 1 : 0;
+  for (size_t i = 0; i < source.coords().size(); ++i) {
+    const auto in_tile = static_cast<int64_t>(source.voxels(i));
+    voxels += in_tile;
+    largest = std::max(largest, in_tile);
+  }
+  const int steps = std::max({output.dilate, output.erode, output.hollow});
+  const int64_t windows =
+      steps > 0 ? threads() * step_tile_bytes(steps, source.grid().channels) : 0;
+  const int64_t kept = std::min(kKeptBytes, voxels * kListedVoxelBytes) * stages;
+  if (output.keep == 0) return windows + kept;
+  const int64_t runs = std::min(voxels, (kOpenTiles + threads()) * largest) / kRunVoxels;
+  return windows + kept + runs * kRunBytes + threads() * kTileBits;
+}
+
 GridSize grid_size(const Engine& engine, const Scene& scene, const RequestOptions& options,
                    const Placed& placed) {
   const VoxelizeOptions& asked = options.voxelize;
@@ -92,6 +148,18 @@ GridSize grid_size(const Engine& engine, const Scene& scene, const RequestOption
   const auto closer = engine.voxelizer.estimate(scene, asked);
   if (!closer) return dense;
   return {std::min(dense.bytes, closer->host_bytes), std::min(dense.voxels, closer->voxels)};
+}
+
+// Voxels that a mesh or another encoder of whole grids writes. The inside of a solid has no faces;
+// a shell and a band have two surfaces.
+int64_t written_voxels(const Engine& engine, const Scene& scene, const RequestOptions& options,
+                       const GridSize& size) {
+  if (!options.output.file_layout().is_mesh()) return size.voxels;
+  if (options.voxelize.fill == Fill::kSurface) return size.voxels;
+  VoxelizeOptions surface = options.voxelize;
+  surface.fill = Fill::kSurface;
+  const auto estimate = engine.voxelizer.estimate(scene, surface);
+  return estimate ? std::min(size.voxels, 2 * estimate->voxels) : size.voxels;
 }
 
 }  // namespace
@@ -118,7 +186,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   const bool fills = asked.fill != Fill::kSurface;
   const GridSize size = grid_size(engine, scene, options, placed);
   int64_t result = size.bytes;
-  const bool keeps = fills || format_info(output.format).layout.kind != FileLayout::kTiles;
+  const bool keeps = fills || output.file_layout().kind != FileLayout::kTiles;
   if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
   result += result / 4;  // growing arrays reserve more than they use
   const int64_t records =
@@ -131,7 +199,8 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   return 2 * mesh_bytes(scene) + records + result + threads() * kThreadBytes +
          2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
          (on_device ? kSoftwareDeviceBytes : 0) +
-         encoded_bytes(placed.spec.cell_count(), size.voxels, channels.grid, output);
+         encoded_bytes(placed.spec, written_voxels(engine, scene, options, size), channels.grid,
+                       output);
 }
 
 int64_t selection_bytes(const TileSource& source, const TileSource& selected,
@@ -142,16 +211,18 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
   const Grid& grid = selected.grid();
   int64_t whole = 0, voxels = 0;
   for (size_t i = 0; i < selected.coords().size(); ++i) {
-    voxels += tile_voxels_max(selected, i);
+    const int64_t in_tile = tile_voxels_max(selected, i);
+    voxels += output.file_layout().is_mesh() ? std::min(in_tile, kTileSurfaceVoxels) : in_tile;
   }
-  if (format_info(output.format).layout.kind != FileLayout::kTiles) {
+  if (output.file_layout().kind != FileLayout::kTiles) {
     whole = std::min<int64_t>(
         largest_tile_bytes(selected) * static_cast<int64_t>(selected.coords().size()),
         grid.spec.cell_count() * (1 + static_cast<int64_t>(attribute_bytes(grid.channels))));
   }
-  return tiles + whole + threads() * kThreadBytes +
+  const int64_t recolored = recolors(output) ? dither_bytes(voxels, output) : 0;
+  return tiles + whole + recolored + morphology_bytes(source, output) + threads() * kThreadBytes +
          2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
-         encoded_bytes(grid.spec.cell_count(), voxels, grid.channels, output);
+         encoded_bytes(grid.spec, voxels, grid.channels, output);
 }
 
 int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOptions& render) {

@@ -8,7 +8,6 @@
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
-#include "server/grid/region.h"
 #include "server/voxel/estimates/estimate.h"
 #include "server/worker/grids/grid_file.h"
 #include "server/worker/grids/grid_input.h"
@@ -52,26 +51,47 @@ Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
   return cache.grid;
 }
 
+NewContainers::NewContainers(TaskRun& run, const OutputOptions& asked)
+    : run_(run),
+      is_result_(asked.format == Format::kNative && !is_made_from_tiles(asked)),
+      stored_(next_output(run), OutputOptions{}.codec),
+      result_(next_output(run).string() + "-result", asked.codec),
+      files_{&stored_} {
+  const bool has_codec_of_stored = asked.codec == OutputOptions{}.codec;
+  if (is_result_ && !has_codec_of_stored) files_.push_back(&result_);
+}
+
+Result<WrittenGrid> NewContainers::finish(const GridMeta& meta) {
+  for (GridFile* file : files_) VOXELD_TRY(file->finish(meta));
+  const std::string_view type = format_media_type(Format::kNative);
+  const std::string_view extension = format_extension(Format::kNative);
+  const bool has_other_result = files_.size() > 1;
+  list_output(run_, stored_.path(), is_result_ && !has_other_result ? "grid result" : "grid", type,
+              extension);
+  if (has_other_result) list_output(run_, result_.path(), "result", type, extension);
+  WrittenGrid written;
+  written.path = stored_.path();
+  VOXELD_ASSIGN(written.id, sha256_file_id(stored_.path()));
+  VOXELD_TRY(run_.monitor.check());
+  return written;
+}
+
 Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                                      const RequestOptions& options) {
   const Scene& scene = input.scene;
   const OutputOptions& asked = options.output;
-  const bool is_native = asked.format == Format::kNative;
-  const bool is_selection = selects(asked);  // made from the file
-  const bool is_result = is_native && !is_selection && asked.codec == OutputOptions{}.codec;
-  const fs::path path = next_output(run);
-  GridFile file(path, OutputOptions{}.codec);
-  GridFile result(path.string() + "-result", asked.codec);
-  std::vector<GridFile*> files = {&file};
-  if (is_native && !is_selection && !is_result) files.push_back(&result);
+  const bool is_kept = asked.format != Format::kNative && !is_made_from_tiles(asked);
+  NewContainers containers(run, asked);
   TileParts parts(run);
-  GridOutput output(files, !is_native && !is_selection, kKeptTileBytesMax, &parts);
+  GridOutput output({containers.files().begin(), containers.files().end()}, is_kept,
+                    kKeptTileBytesMax, &parts);
   const Stopwatch watch;
   run.monitor.set_stage("voxelize");
   VOXELD_ASSIGN(const Placed placed, place(input, options.voxelize));
   VOXELD_TRY(check_cells(run.task, placed.spec));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(placed.spec, asked));
   VOXELD_TRY(check_encodable(selected, asked));
+  VOXELD_TRY(check_channels(wanted_channels(scene, options.voxelize).grid, asked));
   expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed),
                run.engine.voxelizer.device_bytes(scene, options.voxelize));
   MeshReport mesh(run.engine.cache, input.key, scene);
@@ -83,6 +103,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
     made = run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
                                          progress_of(run), &stats);
   }
+  note_device(run.engine, stats);
   add_stage(run.completion.timings, "voxelize", watch.ms() - output.encode_ms());
   add_stage(run.completion.timings, "encode", output.encode_ms());
   VOXELD_TRY(made);
@@ -92,19 +113,11 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                                        grid_facts(output.grid(), output.voxel_count(), hash),
                                        stats.fill, mesh.get(), options.voxelize.labels);
   add_making_meta(run, meta, stats);
-  for (GridFile* one : files) VOXELD_TRY(one->finish(meta));
-  const std::string_view type = format_media_type(Format::kNative);
-  const std::string_view extension = format_extension(Format::kNative);
-  list_output(run, file.path(), is_result ? "grid result" : "grid", type, extension);
-  if (files.size() > 1) list_output(run, result.path(), "result", type, extension);
-  WrittenGrid written;
-  written.path = file.path();
-  VOXELD_ASSIGN(written.id, sha256_file_id(file.path()));
+  VOXELD_ASSIGN(WrittenGrid written, containers.finish(meta));
   if (output.has_tiles()) {
     written.kept = LoadedGrid{output.take_grid(), hash};
     written.kept->grid.meta = meta;
   }
-  VOXELD_TRY(run.monitor.check());
   return written;
 }
 

@@ -4,10 +4,13 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "proto/options/options.h"
 #include "server/voxel/voxelize.h"
+#include "server/worker/grids/grid_file.h"
 #include "server/worker/task/task_run.h"
 
 namespace voxeld {
@@ -22,14 +25,33 @@ struct SceneInput {
   SharedFrames* frames = nullptr;  // set for a frame that is placed together with others
 };
 
-// Checks that the grid can be made and written as the request's output, makes it, and lists its
-// native container under `roles`. For result_codec, it lists a second one as the result. Stages:
-// voxelize and encode.
+// A grid whose native container is listed.
 struct WrittenGrid {
   std::optional<LoadedGrid> kept;  // set if the request's output needs it, or if it is small
   std::string id;                  // of the container
   std::filesystem::path path;
 };
+
+// The native containers of a new grid: the one that is stored and, where the request wants another
+// codec, one that is the result.
+class NewContainers {
+ public:
+  NewContainers(TaskRun& run, const OutputOptions& asked);
+  // Those to begin and to add tiles to.
+  std::span<GridFile* const> files() const { return files_; }
+  // Writes the files and lists them. The grid is not kept.
+  Result<WrittenGrid> finish(const GridMeta& meta);
+
+ private:
+  TaskRun& run_;
+  bool is_result_;
+  GridFile stored_, result_;
+  std::vector<GridFile*> files_;
+};
+
+// Checks that the grid can be made and written as the request's output, makes it, and lists its
+// native container under `roles`. For result_codec, it lists a second one as the result. Stages:
+// voxelize and encode.
 Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                                      const RequestOptions& options);
 // Stores the grid in the cache: a client that voxelizes a mesh mostly looks at it next.

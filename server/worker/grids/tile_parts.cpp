@@ -22,6 +22,9 @@ using nlohmann::json;
 // After this many parts, and again after as many, parts are made half as often. Even the longest
 // jobs then have fewer than kPartsMax.
 constexpr int64_t kPartsBeforeDoubling = 512;
+// The first part comes after a fifth of the interval, the second after two more fifths, and so on:
+// clients see the first tiles of a grid soon.
+constexpr int64_t kPartsBeforeInterval = 5;
 
 // The meta of a part: how far the job is with it.
 struct PartSteps {
@@ -101,8 +104,10 @@ Status TileParts::load_part(const std::string& path, const Take& take) {
 
 bool TileParts::is_time() const {
   const auto doublings = static_cast<int>(position_ / kPartsBeforeDoubling);
+  const double share = static_cast<double>(std::min(position_ + 1, kPartsBeforeInterval)) /
+                       static_cast<double>(kPartsBeforeInterval);
   return since_last_.ms() >=
-         std::ldexp(static_cast<double>(run_.engine.part_interval.count()), doublings);
+         std::ldexp(share * static_cast<double>(run_.engine.part_interval.count()), doublings);
 }
 
 Status TileParts::reached(GridFile& file, size_t steps_done) {

@@ -27,20 +27,39 @@ std::vector<double> shown_durations(std::vector<double> durations_s,
   return durations_s;
 }
 
-// Draws the grid. Stage: render.
-Result<RenderImage> render_image(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
-                                 const RenderOptions& options) {
-  const StageTimer stage(run, "render");
-  VOXELD_ASSIGN(const Engine::ChosenRenderer by, run.engine.choose_renderer(options.renderer));
-  VOXELD_TRY(run.slice.begin());
-  const DeviceSlice::Scope slice(run.slice);
+Result<RenderImage> render_by(TaskRun& run, const Engine::ChosenRenderer& by,
+                              const LoadedGrid& grid, const std::string& grid_key,
+                              const RenderOptions& options) {
   if (*by.resident_key != grid_key) {
     by.resident_key->clear();
     VOXELD_TRY(by.renderer->set_grid(grid.grid));
     *by.resident_key = grid_key;
   }
-  add_meta(run, {{"drawn_by", by.name}});
   return by.renderer->render(options, progress_of(run));
+}
+
+// Draws the grid. Stage: render. Where GL fails and the request leaves the renderer to voxeld, the
+// CPU draws.
+Result<RenderImage> render_image(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
+                                 const RenderOptions& options) {
+  const StageTimer stage(run, "render");
+  VOXELD_ASSIGN(Engine::ChosenRenderer by, run.engine.choose_renderer(options.renderer));
+  const bool is_on_device = by.name == "gl";
+  VOXELD_TRY(run.slice.begin());
+  const DeviceSlice::Scope slice(run.slice);
+  Result<RenderImage> image = render_by(run, by, grid, grid_key, options);
+  const bool has_device_failed = is_on_device && !image.ok() &&
+                                 (image.error().code == ErrorCode::kInternal ||
+                                  image.error().code == ErrorCode::kDeviceUnavailable);
+  if (is_on_device) run.engine.note_device(has_device_failed ? image.error().message() : "");
+  if (has_device_failed && options.renderer == RendererChoice::kAuto) {
+    by.resident_key->clear();
+    add_meta(run, {{"device_failure", image.error().message()}});
+    VOXELD_ASSIGN(by, run.engine.choose_renderer(RendererChoice::kCpu));
+    image = render_by(run, by, grid, grid_key, options);
+  }
+  add_meta(run, {{"drawn_by", by.name}});
+  return image;
 }
 
 Status write_sheet(TaskRun& run, const ImageSeries& series, const RenderOptions& options) {

@@ -12,6 +12,7 @@
 #include "server/worker/frames/make_frames.h"
 #include "server/worker/grids/grid_meta.h"
 #include "server/worker/grids/make_grid.h"
+#include "server/worker/grids/volume_input.h"
 #include "server/worker/images/image_series.h"
 #include "server/worker/task/asset_input.h"
 
@@ -55,22 +56,40 @@ Status draw_grid(TaskRun& run, const std::filesystem::path& container, const std
 // Writes the native container in the codec of stored grids.
 Status write_grid(TaskRun& run, const Grid& grid) {
   const StageTimer stage(run, "encode");
-  VOXELD_ASSIGN(const std::vector<uint8_t> container, encode_native(grid, OutputOptions{}));
+  VOXELD_ASSIGN(const std::vector<uint8_t> container, encode(grid, OutputOptions{}));
   return add_output(run, "grid", container, format_media_type(Format::kNative),
                     format_extension(Format::kNative));
 }
 
-// scene -> native container -> image. `key` is the grid's, which is not in the cache.
-Status draw_scene(TaskRun& run, const SceneInput& scene, const std::string& key,
-                  const RequestOptions& options) {
-  run.engine.cache.grid.reset();
-  RequestOptions all = options;  // the whole grid, without level and region
+// The whole grid of a request, without level and region.
+RequestOptions of_whole_grid(const RequestOptions& options) {
+  RequestOptions all = options;
   all.output = {};
-  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, scene, all));
+  return all;
+}
+
+// native container -> image. `key` is the grid's, which is not in the cache.
+Status draw_made(TaskRun& run, WrittenGrid made, const std::string& key,
+                 const RequestOptions& options) {
   std::erase_if(run.completion.outputs,
                 [](const TaskOutput& output) { return output.role == "result"; });
   if (made.kept) keep_grid(run, made, key);
   return draw_grid(run, made.path, key, options);
+}
+
+// scene -> native container -> image
+Status draw_scene(TaskRun& run, const SceneInput& scene, const std::string& key,
+                  const RequestOptions& options) {
+  run.engine.cache.grid.reset();
+  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, scene, of_whole_grid(options)));
+  return draw_made(run, std::move(made), key, options);
+}
+
+// file of voxels -> native container -> image
+Status draw_volume(TaskRun& run, const std::string& key, const RequestOptions& options) {
+  run.engine.cache.grid.reset();
+  VOXELD_ASSIGN(WrittenGrid made, volume_to_file(run, of_whole_grid(options)));
+  return draw_made(run, std::move(made), key, options);
 }
 
 // Whether the cache has the grid of `key`; if so, lists its container.
@@ -86,7 +105,9 @@ Status render_still(TaskRun& run, const RequestOptions& options) {
   const std::string key = render_key(run.task, options);
   VOXELD_ASSIGN(const bool is_cached, write_cached_grid(run, key));
   if (is_cached) return draw_grid(run, {}, key, options);
-  VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
+  VOXELD_ASSIGN(const bool is_volume, is_volume_input(run.task));
+  if (is_volume) return draw_volume(run, key, options);
+  VOXELD_ASSIGN(const auto scene, load_input_scene(run, load_options(options.voxelize)));
   return draw_scene(run, {*scene, scene_key(run.task, false)}, key, options);
 }
 
@@ -132,7 +153,8 @@ Status render_mesh(TaskRun& run) {
   if (is_animated(options.render) && !is_sequence && options.render.turntable == 0) {
     return not_animated();
   }
-  if (!options.animation.moves()) return render_still(run, options);
+  VOXELD_ASSIGN(const bool is_volume, is_volume_input(run.task));
+  if (is_volume || !options.animation.moves()) return render_still(run, options);
   return is_sequence && is_animated(options.render) ? render_frames(run, options)
                                                     : render_moment(run, options);
 }

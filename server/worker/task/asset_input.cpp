@@ -58,9 +58,8 @@ Result<MappedBundle> map_bundle(const Task& task) {
 
 // Calls load(filename, bytes or bundle, options) on the task's input.
 template <typename Load>
-auto load_task(const Task& task, bool decode_images, const Load& load)
+auto load_task(const Task& task, const LoadOptions& options, const Load& load)
     -> decltype(load(std::string_view(), std::span<const uint8_t>(), LoadOptions())) {
-  const LoadOptions options{.decode_images = decode_images};
   if (!task.bundle_paths.empty()) {
     VOXELD_ASSIGN(const MappedBundle mapped, map_bundle(task));
     return load(task.filename, *mapped.bundle, options);
@@ -69,18 +68,18 @@ auto load_task(const Task& task, bool decode_images, const Load& load)
   return load(task.filename, file.bytes(), options);
 }
 
-Result<AnimatedScene> load_still(const Task& task, bool decode_images) {
+Result<AnimatedScene> load_still(const Task& task, const LoadOptions& wanted) {
   AnimatedScene still;
   VOXELD_ASSIGN(still.scene,
-                load_task(task, decode_images,
+                load_task(task, wanted,
                           [](std::string_view name, const auto& from, const LoadOptions& options) {
                             return load_scene(name, from, options);
                           }));
   return still;
 }
 
-Result<AnimatedScene> load_moving(const Task& task, bool decode_images) {
-  return load_task(task, decode_images,
+Result<AnimatedScene> load_moving(const Task& task, const LoadOptions& wanted) {
+  return load_task(task, wanted,
                    [](std::string_view name, const auto& from, const LoadOptions& options) {
                      return load_animated_scene(name, from, options);
                    });
@@ -88,18 +87,19 @@ Result<AnimatedScene> load_moving(const Task& task, bool decode_images) {
 
 // Loads the input, with its rig if `moves`. The cache holds one scene for both cases, because a
 // moving one contains the static one.
-Result<std::shared_ptr<const AnimatedScene>> load_input(TaskRun& run, bool decode_images,
+Result<std::shared_ptr<const AnimatedScene>> load_input(TaskRun& run, const LoadOptions& options,
                                                         bool moves) {
   const StageTimer stage(run, "parse");
   InputCache& cache = run.engine.cache;
-  const std::string still_key = scene_key(run.task, decode_images);
+  const std::string still_key = scene_key(run.task, options.decode_images) +
+                                (options.variant ? " variant " + *options.variant : "");
   const std::string moving_key = still_key + " moving";
   const bool is_cached = cache.scene != nullptr && (cache.scene_key == moving_key ||
                                                     (!moves && cache.scene_key == still_key));
   if (!is_cached) {
     cache.scene.reset();  // freed before the next one is loaded: both may not fit into memory
-    VOXELD_ASSIGN(AnimatedScene loaded, moves ? load_moving(run.task, decode_images)
-                                              : load_still(run.task, decode_images));
+    VOXELD_ASSIGN(AnimatedScene loaded,
+                  moves ? load_moving(run.task, options) : load_still(run.task, options));
     cache.scene = std::make_shared<const AnimatedScene>(std::move(loaded));
     cache.scene_key = moves ? moving_key : still_key;
   }
@@ -119,13 +119,18 @@ std::string scene_key(const Task& task, bool decode_images) {
   return task.input_hash + (decode_images ? " images " : " names ") + task.filename;
 }
 
-Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images) {
-  VOXELD_ASSIGN(const auto animated, load_input(run, decode_images, false));
+Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, const LoadOptions& options) {
+  VOXELD_ASSIGN(const auto animated, load_input(run, options, false));
   return std::shared_ptr<const Scene>(animated, &animated->scene);
 }
 
-Result<std::shared_ptr<const AnimatedScene>> load_input_animated(TaskRun& run, bool decode_images) {
-  return load_input(run, decode_images, true);
+Result<std::shared_ptr<const AnimatedScene>> load_input_animated(TaskRun& run,
+                                                                 const LoadOptions& options) {
+  return load_input(run, options, true);
+}
+
+LoadOptions load_options(const VoxelizeOptions& options) {
+  return {.decode_images = true, .variant = options.variant};
 }
 
 }  // namespace voxeld

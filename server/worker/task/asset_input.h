@@ -4,7 +4,9 @@
 #include <memory>
 #include <string>
 
+#include "proto/options/options.h"
 #include "server/scene/core/animated_scene.h"
+#include "server/scene/core/loaders.h"
 #include "server/worker/task/task_run.h"
 
 namespace voxeld {
@@ -15,8 +17,11 @@ std::string scene_key(const Task& task, bool decode_images);
 
 // Loads the asset as a scene, or takes it from the cache if it is that of the last task. Adds the
 // loader's warnings to the completion. Stage: parse.
-Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images);
+Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, const LoadOptions& options);
 // Loads the scene with its rig.
-Result<std::shared_ptr<const AnimatedScene>> load_input_animated(TaskRun& run, bool decode_images);
+Result<std::shared_ptr<const AnimatedScene>> load_input_animated(TaskRun& run,
+                                                                 const LoadOptions& options);
+// Loads an asset with the images and the variant that a request needs.
+LoadOptions load_options(const VoxelizeOptions& options);
 
 }  // namespace voxeld

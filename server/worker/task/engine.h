@@ -14,6 +14,7 @@
 #include "server/grid/grid.h"
 #include "server/render/drawing_cost.h"
 #include "server/scene/core/animated_scene.h"
+#include "server/voxel/pipelines/device_faults.h"
 #include "server/voxel/voxelize.h"
 #include "server/worker/device/open_device.h"
 #include "server/worker/mesh/mesh_topology.h"
@@ -61,8 +62,14 @@ struct Engine {
     std::string_view name;  // "gl" or "cpu"
   };
   // `auto` draws on the CPU if GL would run on the same cores, only slower
-  // (tests/bench/render_bench). Errors: device-unavailable for gl without a GL context.
+  // (tests/bench/render_bench), or if the device failed its self-test. Errors: unsupported-feature
+  // for gl without a GL context or after such a failure.
   Result<ChosenRenderer> choose_renderer(RendererChoice asked);
+  // Records how a job went that the device had a part in: its failure, in whose place the CPU went
+  // on, or empty.
+  void note_device(std::string failure) { device_failure = std::move(failure); }
+  // Leaves the faulty parts of the device unused.
+  void set_device_faults(const DeviceFaults& faults);
   // Call before each task: drops the cached inputs of another tenant (proto/messages/task_api.h
   // tells why).
   void begin_task_of(const std::string& tenant);
@@ -72,6 +79,8 @@ struct Engine {
   InputCache cache;
   std::string cache_tenant;  // the owner of the cached inputs
   ImageLimits image_limits;
+  std::string device_failure;  // as of the last note_device()
+  DeviceFaults device_faults;  // of the self-test, as the voxelizer has them
   // How often finished tiles of a long job are handed to the gateway (TileParts).
   std::chrono::milliseconds part_interval = kPartInterval;
 };

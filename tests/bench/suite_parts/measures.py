@@ -84,6 +84,17 @@ def voxelize_table(context, scenes, sizes):
     return add_ratios(rows)
 
 
+def attributes_table(context, scenes, sizes):
+    """Pipeline cpu with occupancy alone, and with colour where the scene has one, else normals."""
+    rows = []
+    for scene in scenes:
+        attribute = "color" if scene.colored else "normal"
+        for who, channels in (("occupancy", "occupancy"), ("attributes", f"occupancy,{attribute}")):
+            for row in voxelize(context, scene, sizes, "cpu", None, ["--channels", channels]):
+                rows.append(row | {"who": who})
+    return add_ratios(rows, own="occupancy")
+
+
 def solid_table(context, scenes, sizes):
     rows = []
     for scene in scenes:

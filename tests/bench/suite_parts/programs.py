@@ -145,7 +145,10 @@ class Daemon:
         """Largest resident memory so far of the daemon and its workers, added up."""
         pids = [self.process.pid]
         for task in pathlib.Path(f"/proc/{self.process.pid}/task").iterdir():
-            pids += map(int, (task / "children").read_text().split())
+            try:
+                pids += map(int, (task / "children").read_text().split())
+            except (FileNotFoundError, ProcessLookupError):  # a thread that has ended since
+                continue
         total = 0
         for pid in pids:
             match = re.search(r"VmHWM:\s+(\d+)", pathlib.Path(f"/proc/{pid}/status").read_text())

@@ -1,4 +1,5 @@
 """The tables as one Markdown document."""
+from . import dense, latency
 
 # key: title, what stands in the rows' head, what in the columns' head, how a cell reads, note.
 LAYOUTS = {}
@@ -35,6 +36,11 @@ def stages_cell(row):
     return f"{number(row['ms'])}: {stages}"
 
 
+def dense_cell(row):
+    store = f"; {number(row['store_ms'])}" if "store_ms" in row else ""
+    return f"{time_cell(row)}{store}; {row['bytes'] / 1e6:.2f} MB"
+
+
 def floor_cell(row):
     return (f"{number(row['ms'])}; {number(row['dense_ms'])} ({number(row['times_dense'])}); "
             f"{number(row['sparse_ms'])} ({number(row['times_sparse'])}); "
@@ -52,11 +58,22 @@ layout("voxelize", "Voxelize only", ("scene", "who"), "size", time_cell,
 layout("memory", "Voxelize only: peak memory", ("scene", "who"), "size",
        lambda row: f"{row['peak_mb']:.0f}", "Megabytes of the process at its peak, with the mesh and, except where rivals were "
        "measured, the libraries of images and drivers that the program loads.")
+layout("attributes", "Attributes", ("scene", "who"), "size", time_cell,
+       "Milliseconds of pipeline cpu from the mesh in memory to its voxels, without and with attributes: normals, "
+       "or colour where the scene has a texture; in brackets times the occupancy alone.")
 layout("solid", "Solid", ("scene", "who"), "size", time_cell,
        "As above, inside included: fill=solid, sign=parity; OpenVDB's signed distances and their "
        "interior mask; VTK's image stencil. Recast fills nothing.")
 layout("stages", "Server-side stages", ("scene", "size"), "who", stages_cell,
        "Milliseconds at a client on the same machine: the stages of Server-Timing.")
+layout("latency", "Latency", ("scene", "who"), "size", lambda row: number(row["ms"]),
+       "Milliseconds at a client on one kept connection to a daemon on cpu: a mesh to its container, upload included; "
+       "a picture of 512 x 512 of a stored grid.")
+layout("dense", "Arrays and meshes", ("scene", "who"), "size", dense_cell,
+       "Milliseconds of the stage encode on pipeline cpu, in brackets times npz; of the stage store; bytes "
+       "of the file. Sparse: layout=sparse, a row for each voxel. Meshes: merged rectangles, or as named. "
+       "Attributes are colour where the scene has a texture, else "
+       "normals. Beside them numpy's own compression of the same array, once, and a plain write.")
 layout("whole", "Whole process", ("scene", "who"), "size", whole_cell,
        "From a PLY file to a file on disk: milliseconds from start to end of the process, in brackets "
        "times voxel; peak memory (of voxel + its daemon and workers so far); bytes of the file. The "
@@ -131,7 +148,9 @@ def markdown(report):
 
 
 # Measurements of voxeld itself need neither rivals nor drivers: nothing excuses skipping them.
-ALWAYS = {"voxelize": {"cpu", "cpu, beside the rivals"}, "stages": set(), "whole": {"voxel"},
+ALWAYS = {"voxelize": {"cpu", "cpu, beside the rivals"}, "stages": set(),
+          "attributes": {"occupancy", "attributes"}, "latency": {latency.ONE_SHOT, *latency.SAMPLES.values()},
+          "dense": {*dense.FORMATS, "write of the npy"}, "whole": {"voxel"},
           "sizes": {"native fast", "npz", ".vox", "binvox", "binvox + gzip"}, "floors": {"cpu"}}
 
 

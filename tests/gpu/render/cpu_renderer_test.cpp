@@ -3,6 +3,9 @@
 
 #include <cstdlib>
 
+#include "server/render/packed_grid.h"
+#include "server/render/raymarch_params.h"
+#include "server/render/silhouette.h"
 #include "tests/gpu/render/test_grids.h"
 #include "tests/gpu/render/test_renderer.h"
 
@@ -13,7 +16,7 @@ namespace {
 // on the software drivers is 0.
 constexpr double kOtherHitsMax = 0.001;
 // Levels of 255: pow() of a driver and of the C library.
-constexpr int kLevelMax = 2;
+constexpr int kRoundingLevelMax = 2;
 
 struct Scene {
   const char* name;
@@ -109,10 +112,66 @@ TEST(CpuRenderer, draws_the_image_that_gl_draws) {
     ASSERT_EQ(wanted->rgba.size(), got->rgba.size());
     size_t others = 0;
     for (size_t i = 0; i < got->rgba.size(); ++i) {
-      others += std::abs(wanted->rgba[i] - got->rgba[i]) > kLevelMax;
+      others += std::abs(wanted->rgba[i] - got->rgba[i]) > kRoundingLevelMax;
     }
     EXPECT_LE(static_cast<double>(others),
               kOtherHitsMax * static_cast<double>(4 * got->rgba.size()));
+  }
+}
+
+// Cameras of all sorts: the silhouette is no narrower than what a ray hits, and little wider.
+TEST(CpuRenderer, nothing_is_seen_outside_the_silhouette) {
+  CpuRenderer cpu;
+  std::vector<Scene> all = scenes();
+  for (const double zoom : {0.02, 3.0, 60.0}) {
+    Scene& scene = all.emplace_back(scenes().front());
+    scene.options.zoom = zoom;
+    scene.options.elevation_deg = -70;
+  }
+  // A camera inside the grid, which looks at a part of it alone.
+  Scene& inside = all.emplace_back(scenes().front());
+  inside.options.matrix = {1, 0, 0, -30, 0, 1, 0, -30, 0, 0, -1.02, 30, 0, 0, -1, 31};
+  for (const Scene& scene : all) {
+    SCOPED_TRACE(scene.name);
+    ASSERT_TRUE(cpu.set_grid(scene.grid).ok());
+    const auto hits = cpu.render_hits(scene.options);
+    ASSERT_TRUE(hits.ok());
+    const auto packed = pack_grid(scene.grid);
+    ASSERT_TRUE(packed.ok());
+    const Subject subject = subject_of(*packed);
+    const int width = scene.options.width, height = scene.options.height;
+    const Silhouette silhouette(make_camera(scene.options, subject), subject, width, height);
+    int64_t inside_it = 0, found = 0;
+    for (int y = 0; y < height; ++y) {
+      const auto [first, end] = silhouette.row(y);
+      inside_it += end - first;
+      for (int x = 0; x < width; ++x) {
+        const bool hit = (*hits)[static_cast<size_t>((height - 1 - y) * width + x)].face >= 0;
+        found += hit ? 1 : 0;
+        ASSERT_TRUE(!hit || (x >= first && x < end))
+            << x << ", " << y << ": " << first << " to " << end;
+      }
+    }
+    if (found > 1000 && !scene.options.section && !scene.options.matrix) {
+      EXPECT_LT(inside_it, 2 * found);
+    }
+  }
+}
+
+TEST(CpuRenderer, every_instruction_set_draws_the_same_image) {
+  CpuRenderer portable(0, CpuIsa::kPortable);
+  for (const CpuIsa isa : supported_cpu_isas()) {
+    CpuRenderer other(0, isa);
+    for (Scene& scene : scenes()) {
+      for (const int samples : {1, 2}) {
+        scene.options.samples = samples;
+        ASSERT_TRUE(portable.set_grid(scene.grid).ok());
+        ASSERT_TRUE(other.set_grid(scene.grid).ok());
+        const auto a = portable.render(scene.options, {}), b = other.render(scene.options, {});
+        ASSERT_TRUE(a.ok() && b.ok());
+        EXPECT_EQ(a->rgba, b->rgba) << scene.name << ", " << cpu_isa_name(isa) << ", " << samples;
+      }
+    }
   }
 }
 

@@ -3,6 +3,7 @@
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -15,7 +16,7 @@ namespace {
 
 // Levels of 255. One of the four samples of a pixel at an edge may fall on the other side of it on
 // another driver: a quarter of full contrast, more in sRGB's dark part.
-constexpr int kLevelMax = 96;
+constexpr int kGoldenLevelMax = 96;
 // Levels, over all pixels and channels: allows 30 such pixels of 4096; a light or a colour that is
 // off by 1% of full brightness exceeds it. Mesa's three software drivers give 0.
 constexpr double kMeanMax = 0.3;
@@ -69,13 +70,14 @@ void expect_golden(const std::string& name, const RenderImage& actual) {
     difference.rgba[i] = i % 4 == 3 ? 255 : static_cast<uint8_t>(std::min(255, 8 * level));
   }
   const double mean = sum / static_cast<double>(actual.rgba.size());
-  if (level_max <= kLevelMax && mean <= kMeanMax) return;
-  const std::string device = gpu::device_name(gpu::test_context().info().device);
+  if (level_max <= kGoldenLevelMax && mean <= kMeanMax) return;
+  const std::string device =
+      test_device_is_cpu() ? "cpu" : gpu::device_name(gpu::test_context().info().device);
   const auto actual_path = kOutDir / (name + "." + device + ".actual.png");
   write_image(actual_path, actual);
   write_image(kOutDir / (name + "." + device + ".difference.png"), difference);
-  ADD_FAILURE() << name << ": max " << level_max << " (limit " << kLevelMax << "), mean " << mean
-                << " (limit " << kMeanMax << "), see " << actual_path;
+  ADD_FAILURE() << name << ": max " << level_max << " (limit " << kGoldenLevelMax << "), mean "
+                << mean << " (limit " << kMeanMax << "), see " << actual_path;
 }
 
 struct GoldenCase {

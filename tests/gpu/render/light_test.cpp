@@ -6,6 +6,7 @@
 
 #include "tests/gpu/render/hits_check.h"
 #include "tests/gpu/render/test_grids.h"
+#include "tests/gpu/render/test_renderer.h"
 
 namespace voxeld {
 namespace {
@@ -13,11 +14,6 @@ namespace {
 using ::testing::ElementsAre;
 
 constexpr int kSide = 32;  // of plates, in cells, and of their images, in pixels
-
-std::array<uint8_t, 4> pixel(const RenderImage& image, int x, int y) {
-  const size_t i = size_t{4} * static_cast<size_t>(y * image.width + x);
-  return {image.rgba[i], image.rgba[i + 1], image.rgba[i + 2], image.rgba[i + 3]};
-}
 
 RenderImage image_of(const RenderOptions& options) {
   auto image = hits_renderer().render(options, {});

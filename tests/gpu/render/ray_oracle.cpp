@@ -1,5 +1,6 @@
 #include "tests/gpu/render/ray_oracle.h"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>

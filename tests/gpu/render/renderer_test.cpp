@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/vec2.hpp>
@@ -21,11 +22,6 @@ using ::testing::ElementsAre;
 
 RenderOptions small_options() {
   return plain_options(Style::kSmooth, 32, 32);
-}
-
-std::array<uint8_t, 4> pixel(const RenderImage& image, int x, int y) {
-  const size_t i = size_t{4} * static_cast<size_t>(y * image.width + x);
-  return {image.rgba[i], image.rgba[i + 1], image.rgba[i + 2], image.rgba[i + 3]};
 }
 
 TEST(Renderer, an_empty_grid_gives_the_background_alone) {

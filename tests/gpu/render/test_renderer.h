@@ -1,6 +1,8 @@
 // The renderer of the device that VOXELD_TEST_DEVICE names.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <cstdlib>
 #include <memory>
 #include <string_view>
@@ -47,6 +49,11 @@ inline RenderOptions options_in(Style style, int width, int height) {
   options.ground = defaults.ground;
   options.background = {};
   return options;
+}
+
+inline std::array<uint8_t, 4> pixel(const RenderImage& image, int x, int y) {
+  const size_t i = size_t{4} * static_cast<size_t>(y * image.width + x);
+  return {image.rgba[i], image.rgba[i + 1], image.rgba[i + 2], image.rgba[i + 3]};
 }
 
 inline std::unique_ptr<Renderer> make_test_renderer() {

@@ -21,12 +21,14 @@ std::vector<Forced> forced_tunings() {
           {"two words", {.batches = true, .int64 = false}},
           {"one tile at a time", {.batches = true, .batch_tiles = 1}},
           {"five tiles at a time, two words", {.batches = true, .int64 = false, .batch_tiles = 5}},
+          {"one group of work items a dispatch", {.batches = true, .dispatch_columns = 1}},
+          {"windows, one group a dispatch", {.batches = false, .dispatch_columns = 1}},
           // Neither the mesh nor the lists of work items fit.
           {"small buffers", {.batches = true, .storage_bytes = 1 << 16}},
           {"windows, two words", {.batches = false, .int64 = false}}};
 }
 
-void expect_same(const Scene& scene, const VoxelizeOptions& options, size_t voxels_min) {
+void expect_same_tiles(const Scene& scene, const VoxelizeOptions& options, size_t voxels_min) {
   const Grid expected = voxelize(scene, options, PipelineChoice::kCpu);
   EXPECT_GT(voxel_count(expected), voxels_min);
   for (const Forced& forced : forced_tunings()) {
@@ -43,7 +45,7 @@ TEST(Batches, every_tuning_gives_the_same_bytes_for_soups) {
     VoxelizeOptions options = unit_cells({64, 64, 64});
     options.color = ColorMode::kNone;
     options.rule = rule;
-    expect_same(scene, options, 10'000);
+    expect_same_tiles(scene, options, 10'000);
   }
 }
 
@@ -51,7 +53,7 @@ TEST(Batches, every_tuning_gives_the_same_bytes_across_tiles) {
   const Scene scene = soup(62, {.count = 400, .extent = 600, .size_max = 500});
   VoxelizeOptions options = unit_cells({600, 600, 600});
   options.color = ColorMode::kNone;
-  expect_same(scene, options, 1'000'000);
+  expect_same_tiles(scene, options, 1'000'000);
 }
 
 TEST(Batches, every_tuning_gives_the_same_attributes) {
@@ -66,6 +68,79 @@ TEST(Batches, every_tuning_gives_the_same_attributes) {
     const Grid grid = voxelize_on(one, scene, options, PipelineChoice::kCompute);
     EXPECT_TRUE(grid.tiles == expected.tiles) << tiles;
   }
+}
+
+TEST(Batches, short_dispatches_give_the_same_attributes) {
+  const Scene scene = soup(67, {.count = 300, .extent = 100, .size_max = 60, .colors = true});
+  VoxelizeOptions options = unit_cells({100, 100, 100});
+  options.channels = ChannelSet{.color = true, .normal = true};
+  const Grid expected = voxelize(scene, options, PipelineChoice::kCpu);
+  gpu::ShaderLibrary shaders(gpu::test_context());
+  for (const bool batches : {true, false}) {
+    Voxelizer one(std::make_unique<GlPipeline>(
+        gpu::test_context(), shaders, GlTuning{.batches = batches, .dispatch_columns = 1}));
+    for (const PipelineChoice pipeline : {PipelineChoice::kCompute, PipelineChoice::kRaster}) {
+      const Grid grid = voxelize_on(one, scene, options, pipeline);
+      EXPECT_TRUE(grid.tiles == expected.tiles) << batches << " " << static_cast<int>(pipeline);
+    }
+  }
+}
+
+// Counts the calls of progress that a job without and with a cap of its dispatches makes, and
+// cancels it at each of the latter.
+TEST(Batches, a_job_is_cancelled_between_the_dispatches_of_a_batch) {
+  const Scene scene = soup(68, {.count = 200, .extent = 200, .size_max = 60});
+  gpu::ShaderLibrary shaders(gpu::test_context());
+  for (const PipelineChoice pipeline : {PipelineChoice::kCompute, PipelineChoice::kRaster}) {
+    VoxelizeOptions options = unit_cells({200, 200, 200});
+    options.color = ColorMode::kNone;
+    options.pipeline = pipeline;
+    const auto calls = [&](std::optional<double> columns, int allowed, Status* ended) {
+      Voxelizer one(std::make_unique<GlPipeline>(
+          gpu::test_context(), shaders, GlTuning{.batches = true, .dispatch_columns = columns}));
+      int seen = 0;
+      auto grid = one.voxelize(
+          scene, options, [&](int64_t, int64_t) { return seen++ < allowed; }, nullptr);
+      *ended = grid.ok() ? Status() : Status(std::move(grid).error());
+      return seen;
+    };
+    Status ended;
+    const int plain = calls({}, 1'000'000, &ended);
+    ASSERT_TRUE(ended) << ended.error().message();
+    const int capped = calls(64.0 * 64, 1'000'000, &ended);
+    ASSERT_TRUE(ended) << ended.error().message();
+    EXPECT_GT(capped, plain) << static_cast<int>(pipeline);
+    for (int allowed = 0; allowed < std::min(capped, 12); ++allowed) {
+      EXPECT_EQ(calls(64.0 * 64, allowed, &ended), allowed + 1);
+      ASSERT_FALSE(ended.ok());
+      EXPECT_EQ(ended.error().code, ErrorCode::kCancelled);
+    }
+  }
+}
+
+TEST(DispatchPace, takes_the_work_of_50_ms) {
+  DispatchPace pace(gpu::test_context(), {});
+  const Workload work{.tiles = 1, .triangles = 1000, .columns = 25'000};
+  pace.begin_job(nullptr, work, false);  // 4 ns a column, 25 columns a triangle
+  EXPECT_EQ(pace.items(64), 12'500'000 / 25 / 64 * 64);
+  EXPECT_EQ(pace.items(16), 12'500'000 / 16 / 64 * 64);
+  EXPECT_EQ(pace.triangles(), 12'500'000 / 25 / 64 * 64);
+  pace.begin_job(nullptr, work, true);  // 40 ns
+  EXPECT_EQ(pace.items(16), 1'250'000 / 16 / 64 * 64);
+  const CostModel measured{.column_ns = 0.5};
+  pace.begin_job(&measured, work, false);
+  EXPECT_EQ(pace.items(16), 100'000'000 / 16 / 64 * 64);
+  // Triangles that seem to be tiny may not be.
+  pace.begin_job(&measured, {.tiles = 1, .triangles = 1000, .columns = 1000}, false);
+  EXPECT_EQ(pace.items(64), 100'000'000 / 8 / 64 * 64);
+  EXPECT_EQ(pace.triangles(), 100'000'000 / 8 / 64 * 64);
+  const CostModel slow{.column_ns = 1e9};
+  pace.begin_job(&slow, work, false);
+  EXPECT_EQ(pace.items(64), 64u);
+  EXPECT_EQ(pace.triangles(), 64u);
+  const CostModel unseen{};
+  pace.begin_job(&unseen, {}, false);
+  EXPECT_EQ(pace.triangles(), size_t{1} << 30);
 }
 
 TEST(Batches, raster_without_64_bit_integers_gives_the_same_bytes) {

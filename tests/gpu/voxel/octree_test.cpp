@@ -1,6 +1,7 @@
 // The octrees that the device builds are those that the CPU makes of the same tiles, byte by byte.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 #include <vector>
 

@@ -3,6 +3,8 @@
 
 #include "tests/gpu/voxel/pipelines.h"
 
+#include <algorithm>
+
 namespace voxeld::pipelines {
 namespace {
 

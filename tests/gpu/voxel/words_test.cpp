@@ -22,7 +22,7 @@ Voxelizer& by_words() {
   return one;
 }
 
-void expect_same(const Scene& scene, VoxelizeOptions options, const std::string& what) {
+void expect_same_hash(const Scene& scene, VoxelizeOptions options, const std::string& what) {
   options.color = ColorMode::kNone;
   const Grid expected = voxelize(scene, options, PipelineChoice::kCpu);
   const Grid grid = voxelize_on(by_words(), scene, options, PipelineChoice::kCompute);
@@ -42,8 +42,8 @@ TEST(Words, soups_in_grids_of_any_dims_give_the_same_hash) {
     VoxelizeOptions options;
     options.placement.dims = dims;
     options.placement.bounds = {0, 0, 0, 300, 300, 300};
-    expect_same(scene, options, std::to_string(dims[0]));
-    expect_same(scene, unit_cells(dims), std::to_string(dims[0]) + " unit cells");
+    expect_same_hash(scene, options, std::to_string(dims[0]));
+    expect_same_hash(scene, unit_cells(dims), std::to_string(dims[0]) + " unit cells");
   }
 }
 
@@ -65,7 +65,7 @@ TEST(Words, corners_around_sides_of_words_blocks_and_tiles_give_the_same_hash) {
     }
     add_triangle(part, p[0], p[1], p[2]);
   }
-  expect_same(scene_of(std::move(part)), unit_cells({512, 512, 512}), "");
+  expect_same_hash(scene_of(std::move(part)), unit_cells({512, 512, 512}), "");
 }
 
 // 16 voxels are small, one sub-voxel more is large.
@@ -85,7 +85,7 @@ TEST(Words, boxes_around_the_largest_small_ones_give_the_same_hash) {
     }
     add_triangle(part, p[0], p[1], p[2]);
   }
-  expect_same(scene_of(std::move(part)), unit_cells({300, 300, 300}), "");
+  expect_same_hash(scene_of(std::move(part)), unit_cells({300, 300, 300}), "");
 }
 
 TEST(Words, needles_and_points_across_tiles_give_the_same_hash) {
@@ -102,13 +102,13 @@ TEST(Words, needles_and_points_across_tiles_give_the_same_hash) {
     const glm::dvec3 c = a + (b - a) * 0.375 + (t % 2 == 0 ? 0.0 : 1.0 / 256);
     add_triangle(part, a, b, glm::clamp(c, 0.0, 512.0));
   }
-  expect_same(scene_of(std::move(part)), unit_cells({512, 512, 512}), "");
+  expect_same_hash(scene_of(std::move(part)), unit_cells({512, 512, 512}), "");
 }
 
 TEST(Words, small_and_large_triangles_together_give_the_same_hash) {
   for (const uint64_t seed : {75u, 76u}) {
-    expect_same(soup(seed, {.count = 3000, .extent = 600, .size_max = 200}),
-                unit_cells({600, 600, 600}), std::to_string(seed));
+    expect_same_hash(soup(seed, {.count = 3000, .extent = 600, .size_max = 200}),
+                     unit_cells({600, 600, 600}), std::to_string(seed));
   }
 }
 
@@ -135,7 +135,8 @@ TEST(Words, a_job_leaves_nothing_for_the_next_one_even_when_it_is_cancelled) {
       scene, options, [](int64_t done, int64_t) { return done < 5; }, nullptr);
   ASSERT_FALSE(cancelled.ok());
   EXPECT_EQ(cancelled.error().code, ErrorCode::kCancelled);
-  expect_same(soup(79, {.count = 10, .extent = 600, .size_max = 9}), options, "after a cancel");
+  expect_same_hash(soup(79, {.count = 10, .extent = 600, .size_max = 9}), options,
+                   "after a cancel");
 }
 
 // Three masks, of which the second is empty.

@@ -48,7 +48,7 @@ class ServerTest : public ::testing::Test {
     jobs_ = *std::move(service);
     config.listen = config.admin_listen = "127.0.0.1:0";
     config.origins.public_hosts.emplace_back("h");  // whom HttpClient asks for
-    auto keys = KeyRing::open(dir_.path() / "data");
+    auto keys = KeyRing::open(dir_.path() / "data", std::chrono::milliseconds(0));
     ASSERT_TRUE(keys) << keys.error().message();
     keys_ = *std::move(keys);
     auto secrets = UrlSecrets::open(dir_.path() / "data");

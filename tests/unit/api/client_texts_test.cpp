@@ -112,8 +112,9 @@ TEST_F(ClientTexts, every_option_of_a_job_is_bounded) {
       body["options"][name] = value;
       return post_json(body);
     };
-    const std::string_view limit = name == "times" ? "at most 102400 bytes"
-                                   : name == "filename" || name == "animation"
+    const std::string_view limit = name == "times"     ? "at most 102400 bytes"
+                                   : name == "palette" ? "at most 2048 bytes"
+                                   : name == "filename" || name == "animation" || name == "variant"
                                        ? "at most 255 bytes"
                                        : "at most 1024 bytes";
     expect_refused(tried(long_text()), 400, "invalid-option", limit, name);

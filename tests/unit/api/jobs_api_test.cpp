@@ -277,6 +277,23 @@ TEST_F(JobsApi, a_list_is_read_page_by_page) {
   EXPECT_EQ(json(get("/v1/jobs?other=1"))["expected"], "limit, after, state");
 }
 
+TEST_F(JobsApi, the_queue_has_memory_and_storage_for_the_only_tenant_and_for_admins) {
+  FakeWorker worker = connect_worker();
+  const HttpResponse response = get("/v1/queue");
+  const auto open = json(response);
+  ASSERT_TRUE(open.contains("store") && !open["devices"].empty()) << response.body;
+  EXPECT_GE(open["devices"][0].value("memory_bytes", -1), 0);
+  EXPECT_GE(open["store"].value("bytes", -1), 0);
+  EXPECT_GT(open["store"].value("disk_bytes", 0.0), open["store"].value("disk_free_bytes", 0.0));
+  ApiKey admin;
+  admin.is_admin = true;
+  const std::string lab = bearer(add_key("lab")), boss = bearer(add_key("boss", admin));
+  const auto seen = json(get("/v1/queue", lab));
+  EXPECT_FALSE(seen.contains("store"));
+  EXPECT_FALSE(seen["devices"][0].contains("memory_bytes"));
+  EXPECT_TRUE(json(get("/v1/queue", boss)).contains("store"));
+}
+
 TEST_F(JobsApi, the_queue_is_read_page_by_page_running_jobs_first) {
   std::vector<std::string> ids;
   for (int i = 0; i < 5; ++i) ids.push_back(submit());
@@ -331,12 +348,19 @@ TEST_F(JobsApi, a_voxelization_that_accepts_no_type_is_refused_with_all_types) {
   EXPECT_EQ(refused.header("vary"), "Accept");
   EXPECT_EQ(json(refused)["expected"],
             "one of application/vnd.voxeld.grid, application/x-npy, application/x-npz, "
-            "model/x-magicavoxel-vox, text/x-xyz");
+            "model/x-magicavoxel-vox, text/x-xyz, model/gltf-binary, model/ply, model/obj, "
+            "application/x-vti, application/x-nrrd, application/x-metaimage, "
+            "application/x-nifti, application/x-binvox, text/csv, application/x-pcd, "
+            "model/x-qubicle-qb, application/x-schem, application/x-litematic, "
+            "application/x-nbt, application/x-zarr+zip, application/x-vdb, "
+            "application/x-octomap-bt, application/x-ldraw, application/x-vtu, "
+            "application/x-abaqus-inp, image/ktx2, application/x-raw+zip, "
+            "application/x-png-slices+zip");
   const HttpResponse moving = request("POST", "/v1/voxelize?animation=0",
                                       "Accept: application/vnd.voxeld.grid\r\n", "mesh");
   EXPECT_EQ(json(moving)["expected"],
             "one of application/vnd.voxeld.sequence, application/x-npy, application/x-npz, "
-            "model/x-magicavoxel-vox, application/zip");
+            "model/x-magicavoxel-vox, application/zip, application/x-zarr+zip");
   EXPECT_EQ(json(get("/v1/assets"))["assets"].size(), 0u) << "refused before the upload";
 }
 

@@ -128,11 +128,11 @@ TEST_F(RequestMetricsTest, exchanges_are_counted_by_route_and_status) {
   EXPECT_EQ(samples.at(requests("other", 404)), 1);
   EXPECT_EQ(samples.at("voxeld_http_bytes_total{direction=\"in\"}"), 11);
   EXPECT_EQ(samples.at("voxeld_http_bytes_total{direction=\"out\"}"), 1107);
-  const std::string seconds = "voxeld_http_request_seconds", label = "route=\"/v1/jobs/{id}\"";
-  expect_histogram(samples, seconds, label);
-  EXPECT_EQ(samples.at(seconds + "_count{" + label + "}"), 3);
-  EXPECT_NEAR(samples.at(seconds + "_sum{" + label + "}"), 0.506, 1e-9);
-  EXPECT_EQ(samples.at(seconds + "_bucket{" + label + ",le=\"0.01\"}"), 2);
+  const std::string histogram = "voxeld_http_request_seconds", label = "route=\"/v1/jobs/{id}\"";
+  expect_histogram(samples, histogram, label);
+  EXPECT_EQ(samples.at(histogram + "_count{" + label + "}"), 3);
+  EXPECT_NEAR(samples.at(histogram + "_sum{" + label + "}"), 0.506, 1e-9);
+  EXPECT_EQ(samples.at(histogram + "_bucket{" + label + ",le=\"0.01\"}"), 2);
 }
 
 TEST(ProcessMetrics, tell_of_this_process) {

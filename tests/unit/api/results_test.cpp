@@ -94,7 +94,14 @@ TEST_F(ResultsTest, a_type_that_no_format_has_is_not_acceptable) {
   EXPECT_EQ(response.detail(), "Accept names no type that there is");
   EXPECT_EQ(json(response).value("expected", ""),
             "one of application/x-npy, application/vnd.voxeld.grid, application/x-npz, "
-            "model/x-magicavoxel-vox, text/x-xyz");
+            "model/x-magicavoxel-vox, text/x-xyz, model/gltf-binary, model/ply, model/obj, "
+            "application/x-vti, application/x-nrrd, application/x-metaimage, "
+            "application/x-nifti, application/x-binvox, text/csv, application/x-pcd, "
+            "model/x-qubicle-qb, application/x-schem, application/x-litematic, "
+            "application/x-nbt, application/x-zarr+zip, application/x-vdb, "
+            "application/x-octomap-bt, application/x-ldraw, application/x-vtu, "
+            "application/x-abaqus-inp, image/ktx2, application/x-raw+zip, "
+            "application/x-png-slices+zip");
   EXPECT_EQ(response.header("vary"), "Accept");
 }
 

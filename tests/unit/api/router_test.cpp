@@ -33,7 +33,8 @@ Router example() {
                  {"POST", "/echo", handler, {"limit", "after"}, Work::kNew},
                  {"GET", "/v1/jobs/{id}", handler},
                  {"DELETE", "/v1/jobs/{id}", handler},
-                 {"GET", "/v1/jobs/{id}/frames/{index}", handler}});
+                 {"GET", "/v1/jobs/{id}/frames/{index}", handler},
+                 {"GET", "/v1/grids/{id}/zarr/{key}", handler}});
 }
 
 Response dispatch(const std::string& method, const std::string& target) {
@@ -52,6 +53,18 @@ TEST(Router, a_segment_in_braces_takes_any_text_that_is_not_empty) {
             "/v1/jobs/{id}/frames/{index} j-1 7");
   for (const char* path :
        {"/v1/jobs/", "/v1/jobs//", "/v1/jobs", "/v1", "//", "/hello/", "/Hello"}) {
+    EXPECT_EQ(dispatch("GET", path).status, 404) << path;
+  }
+}
+
+TEST(Router, a_key_at_the_end_takes_the_rest_of_the_path) {
+  EXPECT_EQ(text_of(dispatch("GET", "/v1/grids/g/zarr/zarr.json")),
+            "/v1/grids/{id}/zarr/{key} g zarr.json");
+  EXPECT_EQ(text_of(dispatch("GET", "/v1/grids/g/zarr/0/c/1/2/3")),
+            "/v1/grids/{id}/zarr/{key} g 0/c/1/2/3");
+  EXPECT_EQ(text_of(dispatch("GET", "/v1/grids/g/zarr/0//c/")),
+            "/v1/grids/{id}/zarr/{key} g 0//c/");
+  for (const char* path : {"/v1/grids/g/zarr", "/v1/grids/g/zarr/", "/v1/grids/g/zarr//0"}) {
     EXPECT_EQ(dispatch("GET", path).status, 404) << path;
   }
 }

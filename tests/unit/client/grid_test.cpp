@@ -122,7 +122,7 @@ TEST(Grid, voxels_of_full_nodes_are_occupied_and_have_no_color) {
   std::mt19937 random(5);
   const SparseTile tile = test::tile_with_full_nodes(random, true, true);
   ASSERT_FALSE(tile.full.empty());
-  for (const Codec codec : {Codec::kFast, Codec::kSmall}) {
+  for (const auto codec : {voxeld::Codec::kFast, voxeld::Codec::kSmall}) {
     header.codecs.octree = codec;
     const auto bytes = encode_grid(header, std::span(&tile, 1));
     ASSERT_TRUE(bytes.ok());

@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include "client/include/voxeld/client.h"
+#include "proto/container/grid_format.h"
 #include "proto/error_code.h"
 #include "tests/unit/client/client_test_tools.h"
 #include "tests/unit/client/scripted_server.h"
+#include "tests/unit/proto/tile_maker.h"
 
 namespace voxeld::client {
 namespace {
@@ -109,6 +111,68 @@ TEST(Frames, progress_of_a_sequence_counts_frames) {
   EXPECT_THAT(told, ElementsAre("12/140 frames", "140/140 frames"));
   EXPECT_EQ(job.sequence, "sha256-s");
   EXPECT_EQ(job.frames_total, 140);
+}
+
+// Tiles of a grid of so many voxels.
+CannedResponse tiles_response(int voxels, const std::string& next) {
+  GridHeader header;
+  header.dims = {300, 2, 2};
+  header.voxel_size = {1, 1, 1};
+  const auto bytes =
+      encode_grid(header,
+                  voxeld::test::tiles_of(voxeld::test::box_voxels({0, 0, 0}, {voxels, 1, 1}), {}))
+          .value();
+  return {.body = std::string(bytes.begin(), bytes.end()),
+          .headers = {"Content-Type: application/vnd.voxeld.grid", "X-Voxeld-Next: " + next}};
+}
+
+TEST(Tiles, are_passed_on_until_there_are_no_others) {
+  CannedResponse cut = tiles_response(9, "2");
+  cut.cut_after = 100;
+  CannedResponse none_yet = job_response("running");
+  none_yet.status = 202;
+  ScriptedServer server({none_yet, tiles_response(5, "1"),
+                         problem_response(503, "queue-full", "busy"), cut, tiles_response(9, "2"),
+                         CannedResponse{.status = 204}});
+  std::vector<std::uint64_t> voxels;
+  Client(settings_for(server.url(), 2)).tiles("j-1", [&](const Grid& tiles) {
+    voxels.push_back(tiles.voxel_count());
+    return true;
+  });
+  EXPECT_THAT(voxels, ElementsAre(5u, 9u));
+  EXPECT_THAT(server.lines(),
+              ElementsAre("GET /v1/jobs/j-1/tiles?after=0", "GET /v1/jobs/j-1/tiles?after=0",
+                          "GET /v1/jobs/j-1/tiles?after=1", "GET /v1/jobs/j-1/tiles?after=1",
+                          "GET /v1/jobs/j-1/tiles?after=1", "GET /v1/jobs/j-1/tiles?after=2"));
+  EXPECT_THAT(server.asked()[0].header("prefer"), HasSubstr("wait="));
+}
+
+TEST(Tiles, the_callback_and_a_stop_end_it_and_the_job_goes_on) {
+  CannedResponse none_yet = job_response("running");
+  none_yet.status = 202;
+  ScriptedServer server({tiles_response(5, "1"), none_yet});
+  Client client(server.url());
+  client.tiles("j-1", [](const Grid&) { return false; });
+  std::stop_source stop;
+  stop.request_stop();
+  const TilesCallback take = [](const Grid&) { return true; };
+  EXPECT_EQ(error_of([&] { client.tiles("j-1", take, stop.get_token()); }).code(), "interrupted");
+  for (const std::string& line : server.lines()) EXPECT_THAT(line, HasSubstr("GET "));
+}
+
+TEST(Tiles, errors_of_the_job_and_invalid_responses_are_thrown) {
+  const auto error = [](const CannedResponse& response) {
+    ScriptedServer server({response});
+    Client client(server.url());
+    return error_of([&] { client.tiles("j-1", [](const Grid&) { return true; }); });
+  };
+  EXPECT_EQ(error(problem_response(409, "cancelled", "the job was cancelled")).code(), "cancelled");
+  EXPECT_EQ(error(CannedResponse{.body = "no container", .headers = {"X-Voxeld-Next: 1"}}).code(),
+            "bad-response");
+  const Error stuck = error(tiles_response(5, "0"));
+  EXPECT_EQ(stuck.code(), "bad-response");
+  EXPECT_EQ(stuck.expected(), "a number above 0");
+  EXPECT_EQ(stuck.got(), "\"0\"");
 }
 
 TEST(Submit, a_name_that_is_no_utf8_is_sent_as_text_that_is) {
@@ -323,6 +387,115 @@ TEST(Cancel, a_stop_ends_the_pause_before_another_try) {
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(error_of([&] { client.wait("j-1", {}, stop.get_token()); }).code(), "interrupted");
   EXPECT_LT(since(start), 5s);
+}
+
+std::string container_of(int voxels) {
+  return tiles_response(voxels, "").body;
+}
+
+const std::string kGridResult =
+    R"("result":{"grid":"sha256-g","media_type":"application/vnd.voxeld.grid"})";
+
+TEST(Job, is_started_and_asked_for_without_a_wait) {
+  ScriptedServer server({kUploaded, job_response("queued"), running(1, "\"1\""),
+                         job_response("done", kGridResult),
+                         CannedResponse{.body = container_of(5)}});
+  Client client(server.url());
+  Job job = client.start(Source::memory(bytes_of("x"), "a.ply"), Options().size(8));
+  EXPECT_EQ(job.id(), "j-1");
+  EXPECT_EQ(job.info().state, "queued");
+  EXPECT_FALSE(job.poll());
+  EXPECT_EQ(job.info().tiles_done, 1);
+  EXPECT_TRUE(job.poll());
+  EXPECT_TRUE(job.poll());  // does not ask again
+  const Grid grid = job.grid();
+  EXPECT_EQ(grid.voxel_count(), 5u);
+  EXPECT_EQ(grid.id(), "sha256-g");
+  const auto asked = server.asked();
+  ASSERT_THAT(asked, SizeIs(5));
+  EXPECT_EQ(asked[1].body, R"({"asset":"sha256-a","filename":"a.ply","kind":"voxelize",)"
+                           R"("options":{"size":"8"}})");
+  EXPECT_EQ(asked[2].header("prefer"), "");
+  EXPECT_EQ(asked[4].line(), "GET /v1/jobs/j-1/result");
+}
+
+TEST(Job, outlives_its_client_and_can_be_attached_by_its_id) {
+  ScriptedServer server({job_response("running"), job_response("done", kGridResult),
+                         CannedResponse{.body = "bytes"}});
+  std::optional<Job> job = Client(server.url()).attach("j-1");
+  std::string got;
+  job->download([&](std::span<const std::byte> piece) { got += text_of(piece); });
+  EXPECT_EQ(got, "bytes");
+}
+
+TEST(Job, waits_for_a_time_and_may_go_on_afterwards) {
+  ScriptedServer server({job_response("queued"), job_response("queued"), job_response("running"),
+                         job_response("running"), job_response("done")});
+  Client client(server.url());
+  Job job = client.start("export", Input::of_grid("sha256-g"), {});
+  EXPECT_FALSE(job.wait_for(0ms));
+  EXPECT_EQ(server.asked().size(), 2u);
+  EXPECT_TRUE(job.wait_for(1100ms));
+  EXPECT_EQ(server.asked()[2].header("prefer"), "");
+  EXPECT_EQ(server.asked()[3].header("prefer"), "wait=1");
+}
+
+TEST(Job, a_stopped_wait_leaves_it_to_the_daemon_until_it_is_cancelled) {
+  ScriptedServer server({job_response("queued"), job_response("running"), job_response("running"),
+                         job_response("cancelled")});
+  Client client(server.url());
+  Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
+  EXPECT_EQ(error_of([&] { job.wait([](const Progress&) { return false; }); }).code(),
+            "interrupted");
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_EQ(error_of([&] { job.wait_for(500ms, stop.get_token()); }).code(), "interrupted");
+  job.cancel();
+  job.cancel();  // has ended
+  EXPECT_EQ(job.info().state, "cancelled");
+  EXPECT_THAT(server.asked(), SizeIs(4));
+  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
+  EXPECT_EQ(error_of([&] { job.wait(); }).code(), "cancelled");
+}
+
+TEST(Job, a_failure_is_thrown_by_the_result_and_not_by_the_poll) {
+  ScriptedServer server(
+      {job_response("queued"),
+       job_response("failed", R"("error":{"code":"malformed-mesh","detail":"a.ply line 3"})")});
+  Client client(server.url());
+  Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
+  EXPECT_TRUE(job.poll());
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(error_of([&] { job.grid(); }).code(), "malformed-mesh");
+  EXPECT_THAT(server.asked(), SizeIs(2));
+}
+
+TEST(Job, a_grid_of_another_format_is_that_from_which_it_was_written) {
+  const std::string npz = R"("result":{"grid":"sha256-g","media_type":"application/x-npz"})";
+  const std::string png = R"("result":{"media_type":"image/png"})";
+  ScriptedServer server({job_response("done", npz), CannedResponse{.body = container_of(9)},
+                         job_response("done", png)});
+  Client client(server.url());
+  EXPECT_EQ(client.attach("j-1").grid().voxel_count(), 9u);
+  EXPECT_EQ(server.lines()[1], "GET /v1/grids/sha256-g");
+  Job image = client.attach("j-1");
+  const Error error = error_of([&] { image.grid(); });
+  EXPECT_EQ(error.code(), "conflict");
+  EXPECT_STREQ(error.what(), "the result of the job j-1: expected a grid, got image/png");
+  EXPECT_EQ(error_of([&] { image.sequence(); }).code(), "conflict");
+}
+
+TEST(Job, the_first_of_several_that_ends_is_found) {
+  ScriptedServer server({job_response("queued"), job_response("queued"), job_response("running"),
+                         job_response("running"), job_response("running"), job_response("done"),
+                         job_response("running"), job_response("running")});
+  Client client(server.url());
+  std::vector<Job> jobs;
+  EXPECT_EQ(wait_any(jobs), std::nullopt);
+  for (int i = 0; i < 2; ++i) jobs.push_back(client.start("voxelize", Input::of_asset("a"), {}));
+  EXPECT_EQ(wait_any(jobs), 1u);
+  EXPECT_EQ(wait_any(std::span(jobs).subspan(1)), 0u);  // without a request
+  EXPECT_EQ(wait_any(std::span(jobs).first(1), 10ms), std::nullopt);
+  EXPECT_THAT(server.asked(), SizeIs(8));
 }
 
 }  // namespace

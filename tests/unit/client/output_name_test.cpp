@@ -22,11 +22,26 @@ std::string refusal(Action&& action) {
   return "";
 }
 
+// ".voxg, .npy, …" of all formats of grids.
+std::string all_extensions() {
+  std::string text;
+  for (const FormatInfo& info : output_formats()) text += std::string(info.extension) + ", ";
+  return text;
+}
+
 TEST(OutputName, the_extension_chooses_the_format_of_a_grid) {
   EXPECT_EQ(format_for("a.vox", ""), "vox");
   EXPECT_EQ(format_for("A.VOX", ""), "vox");
   EXPECT_EQ(format_for("a.voxs", ""), "native");
   EXPECT_EQ(format_for("a.vox", "vox"), "vox");
+  EXPECT_EQ(format_for("a.glb", ""), "glb");
+  EXPECT_EQ(format_for("a.nii.gz", ""), "nii");
+  EXPECT_EQ(format_for("scans.v2/A.B.NII.GZ", ""), "nii");
+  EXPECT_EQ(format_for("a.zip", ""), "xyz");
+  EXPECT_EQ(format_for("a.zip", "ply"), "ply");
+  EXPECT_EQ(format_for("a.schem", ""), "schem");
+  EXPECT_EQ(format_for("A.Litematic", ""), "litematic");
+  EXPECT_EQ(format_for("a.zip", "nbt"), "nbt");
   EXPECT_EQ(format_for("-", "npy"), "npy");
   EXPECT_EQ(format_for("", ""), "");
   EXPECT_EQ(format_for("grid.bin", "native"), "native");
@@ -35,12 +50,16 @@ TEST(OutputName, the_extension_chooses_the_format_of_a_grid) {
 TEST(OutputName, a_file_never_gets_bytes_of_another_kind) {
   EXPECT_EQ(refusal([] { format_for("a.vox", "npz"); }),
             "--output: --format npz does not go to a .vox, got \"a.vox\"");
+  EXPECT_EQ(refusal([] { format_for("a.zip", "vox"); }),
+            "--output: --format vox does not go to a .zip, got \"a.zip\"");
   EXPECT_EQ(refusal([] { format_for("a.jpg", "native"); }),
-            "--output: expected a name that ends in .voxg, .npy, .npz, .vox, .xyz, .voxs, got "
-            "\"a.jpg\"");
-  EXPECT_EQ(refusal([] { format_for("a.bin", ""); }),
-            "--output: expected a name that ends in .voxg, .npy, .npz, .vox, .xyz, .voxs (or "
-            "--format), got \"a.bin\"");
+            "--output: expected a name that ends in " + all_extensions() + ".voxs, got \"a.jpg\"");
+  EXPECT_EQ(refusal([] { format_for("a.bin", ""); }), "--output: expected a name that ends in " +
+                                                          all_extensions() +
+                                                          ".voxs (or --format), got \"a.bin\"");
+  // Files of .nii are not compressed.
+  EXPECT_THAT(refusal([] { format_for("a.nii", "nii"); }), HasSubstr(".nii.gz"));
+  EXPECT_THAT(refusal([] { format_for("a.gz", ""); }), HasSubstr("got \"a.gz\""));
   EXPECT_EQ(refusal([] { format_for("x.png", ""); }),
             "--output: voxel render makes images: voxel render MESH -o x.png");
 }

@@ -114,6 +114,26 @@ TEST(Errors, the_text_leaves_out_members_that_the_problem_lacks) {
   EXPECT_STREQ(Error("c", 1, "a", "", "b").what(), "a: got b");
   EXPECT_STREQ(Error("c", 1, "a", "b", "").what(), "a: expected b");
   EXPECT_STREQ(Error("c", 1, "a").what(), "a");
+  EXPECT_STREQ(Error("c", 1, "", "b", "c").what(), "expected b, got c");
+}
+
+TEST(Errors, the_text_of_a_detail_that_names_both_values_has_them_once) {
+  EXPECT_STREQ(Error("c", 1, "size: expected 1 to 2048, got 0", "1 to 2048", "0").what(),
+               "size: expected 1 to 2048, got 0");
+  EXPECT_STREQ(Error("c", 1, "size: got 0", "", "0").what(), "size: got 0");
+}
+
+TEST(Errors, the_text_of_a_failed_connection_names_the_address_and_the_reason_once) {
+  const auto text_for = [](const std::string& url) {
+    Client client(settings_for(url, 0));
+    return std::string(error_of([&] { client.job("j-1"); }).what());
+  };
+  const std::string nobody = test::url_of_nobody();
+  EXPECT_EQ(text_for(nobody), nobody + ": Connection refused");
+  EXPECT_EQ(text_for("ftp://127.0.0.1"),
+            "ftp://127.0.0.1: the URL begins with neither http:// nor https://");
+  EXPECT_EQ(text_for("http://no-host.invalid"),
+            "http://no-host.invalid: the name of the host is not known");
 }
 
 TEST(Errors, a_response_of_another_service_is_a_bad_response) {

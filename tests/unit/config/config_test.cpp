@@ -66,6 +66,8 @@ TEST(Config, doctor_calibrates_the_named_devices_in_the_data_directory_of_serve)
   const auto plain = std::get<DoctorCommand>(parse({"doctor"}));
   EXPECT_FALSE(plain.calibrate);
   EXPECT_EQ(plain.data_dir, "/state/elsewhere");
+  EXPECT_EQ(plain.sandbox, "auto");
+  EXPECT_EQ(std::get<DoctorCommand>(parse({"doctor", "--sandbox", "require"})).sandbox, "require");
   const auto calibrate = std::get<DoctorCommand>(
       parse({"doctor", "--calibrate", "--data", "/d", "--device", "cpu,llvmpipe"}));
   EXPECT_TRUE(calibrate.calibrate);
@@ -115,6 +117,17 @@ TEST(Config, the_other_commands_take_their_arguments) {
   EXPECT_TRUE(std::get<DoctorCommand>(parse({"doctor", "--json"})).json);
   EXPECT_EQ(std::get<ProbeDeviceCommand>(parse({"probe-device", "--device", "egl:1"})).device,
             "egl:1");
+  EXPECT_EQ(
+      std::get<ProbeDeviceCommand>(parse({"probe-device", "--device", "egl:1", "--sandbox", "off"}))
+          .sandbox,
+      "off");
+  const auto test = std::get<TestDeviceCommand>(
+      parse({"test-device", "--device", "egl:0", "--data", "/d", "--skip", "solid", "--skip",
+             "images", "--shader-dir", "/s"}));
+  EXPECT_EQ(test.device, "egl:0");
+  EXPECT_EQ(test.data_dir, "/d");
+  EXPECT_EQ(test.shader_dir, "/s");
+  EXPECT_EQ(test.skipped, (std::vector<std::string>{"solid", "images"}));
   EXPECT_TRUE(std::holds_alternative<VersionCommand>(parse({"version"})));
   EXPECT_TRUE(std::holds_alternative<VersionCommand>(parse({"--version"})));
 }

@@ -1,5 +1,7 @@
 #include "server/descriptors.h"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 namespace voxeld {

@@ -7,7 +7,7 @@
 #include <type_traits>
 
 #include "server/formats/formats.h"
-#include "server/formats/npy_array.h"
+#include "server/formats/npy/npy_array.h"
 #include "server/grid/content_hash.h"
 #include "tests/unit/formats/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
@@ -76,7 +76,7 @@ TEST(EveryChannel, has_an_array_of_its_type_in_every_dtype_and_order) {
         options.dtype = dtype;
         options.axes = axes;
         const NpyType type = npy_type(info.channel, options);
-        const auto array = test::read_npy(npy_channel(grid, info.channel, options));
+        const auto array = test::read_npy(test::npy_of(grid, info.channel, options));
         EXPECT_EQ(array.descr, type.descr) << info.name;
         EXPECT_EQ(type.components, info.components) << info.name;
         EXPECT_EQ(array.descr == "<f4", !info.is_id() && (dtype == DType::kFloat32 ||

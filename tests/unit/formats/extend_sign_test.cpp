@@ -1,7 +1,8 @@
-#include "server/formats/extend_sign.h"
+#include "server/formats/npy/extend_sign.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>

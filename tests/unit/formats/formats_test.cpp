@@ -10,11 +10,7 @@
 namespace voxeld {
 namespace {
 
-OutputOptions to(Format format) {
-  OutputOptions options;
-  options.format = format;
-  return options;
-}
+using test::to;
 
 TEST(Formats, each_begins_with_its_magic) {
   const Grid grid = test::random_grid(1, {9, 8, 7}, 20, true, true);
@@ -42,7 +38,8 @@ TEST(Formats, dense_ones_have_a_limit_of_cells_that_is_told_before_anything_is_c
     EXPECT_EQ(status.error().code, ErrorCode::kGridTooLarge);
     EXPECT_EQ(status.error().message(),
               std::string(format_name(format)) +
-                  " is dense: too many cells (sparse formats: " + sparse_format_names() +
+                  " is dense: too many cells (layout=sparse is not, nor are formats " +
+                  sparse_format_names() +
                   "): expected at most "
                   "2147483648 cells, got 2149580800");
   }
@@ -75,7 +72,7 @@ TEST(Xyz, more_voxels_than_points_may_be_are_refused_before_they_are_written) {
   one_more.coord = {4, 0, 0};
   one_more.full = {{0, 0}};
   grid.tiles.push_back(one_more);
-  EXPECT_EQ(encode_xyz(grid, {}).error().message(),
+  EXPECT_EQ(encode(grid, to(Format::kXyz)).error().message(),
             "xyz: too many voxels for points: expected at most 67108864, got 67109376");
 }
 

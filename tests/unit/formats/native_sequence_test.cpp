@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr ChannelSet kColor = {.color = true};
+constexpr ChannelSet kColorOnly = {.color = true};
 using Bytes = std::vector<uint8_t>;
 
 Bytes container_of(const Grid& grid, Codec codec = Codec::kFast) {
@@ -96,14 +96,14 @@ TEST(StoredStreams, of_full_nodes_are_the_same_too) {
 }
 
 TEST(StoredStreams, of_frames_in_parts_are_the_same_too) {
-  const auto grids = test::mostly_static(5, {700, 300, 530}, 4000, 5, kColor, 20);
+  const auto grids = test::mostly_static(5, {700, 300, 530}, 4000, 5, kColorOnly, 20);
   ASSERT_GT(grids[0].tiles.size(), 5U);
   EXPECT_EQ(taken_over(grids, 1), from_tiles(grids));
   EXPECT_EQ(taken_over(grids, 4), from_tiles(grids));
 }
 
 TEST(StoredStreams, every_frame_is_read_alone_from_at_most_eight) {
-  const auto grids = test::mostly_static(9, {120, 120, 120}, 4000, 20, kColor);
+  const auto grids = test::mostly_static(9, {120, 120, 120}, 4000, 20, kColorOnly);
   const Bytes bytes = taken_over(grids);
   const auto reader = SequenceReader::open(bytes);
   ASSERT_TRUE(reader.ok());
@@ -132,7 +132,7 @@ TEST(StoredStreams, that_stand_for_themselves_are_those_of_the_container) {
 template <typename Change>
 std::string refusal_of(Change change) {
   const Grid grid =
-      test::grid_of({64, 64, 64}, {{.cell = {1, 2, 3}}, {.cell = {40, 2, 3}}}, kColor);
+      test::grid_of({64, 64, 64}, {{.cell = {1, 2, 3}}, {.cell = {40, 2, 3}}}, kColorOnly);
   const Bytes container = container_of(grid);
   std::vector<StoredTile> tiles = stored_tiles(container);
   change(tiles.front());
@@ -223,14 +223,14 @@ class NativeSequenceTest : public testing::Test, public FrameSource {
 };
 
 TEST_F(NativeSequenceTest, of_containers_is_that_of_their_grids) {
-  set_frames(test::mostly_static(7, {300, 40, 530}, 900, 5, kColor, 20));
+  set_frames(test::mostly_static(7, {300, 40, 530}, 900, 5, kColorOnly, 20));
   ASSERT_TRUE(write());
   EXPECT_EQ(read_file(path()).value(), from_tiles(grids_));
   EXPECT_EQ(reads_.size(), 5U);
 }
 
 TEST_F(NativeSequenceTest, of_another_codec_is_made_from_decoded_tiles) {
-  const auto grids = test::mostly_static(7, {300, 40, 30}, 600, 3, kColor, 20);
+  const auto grids = test::mostly_static(7, {300, 40, 30}, 600, 3, kColorOnly, 20);
   set_frames(grids);
   ASSERT_TRUE(write(Codec::kSmall));
   EXPECT_EQ(read_file(path()).value(),
@@ -257,7 +257,7 @@ TEST_F(NativeSequenceTest, of_many_tiles_is_made_in_batches) {
 }
 
 TEST_F(NativeSequenceTest, that_is_cancelled_leaves_no_file) {
-  set_frames(test::mostly_static(7, {30, 40, 30}, 300, 4, kColor, 20));
+  set_frames(test::mostly_static(7, {30, 40, 30}, 300, 4, kColorOnly, 20));
   reads_max_ = 3;
   const Status status = write();
   ASSERT_FALSE(status);
@@ -267,7 +267,7 @@ TEST_F(NativeSequenceTest, that_is_cancelled_leaves_no_file) {
 
 // Every byte after the meta is a number that is checked, or of a stream with a checksum.
 TEST_F(NativeSequenceTest, of_a_broken_container_names_the_frame_and_leaves_no_file) {
-  set_frames(test::mostly_static(7, {64, 64, 64}, 600, 2, kColor, 20));
+  set_frames(test::mostly_static(7, {64, 64, 64}, 600, 2, kColorOnly, 20));
   ASSERT_TRUE(write());
   const Bytes whole = read_file(path()).value();
   const Bytes good = container_of(grids_[1]);
@@ -292,7 +292,7 @@ TEST_F(NativeSequenceTest, of_a_broken_container_names_the_frame_and_leaves_no_f
 }
 
 TEST_F(NativeSequenceTest, of_containers_of_another_place_is_refused) {
-  set_frames(test::mostly_static(7, {64, 64, 64}, 600, 2, kColor, 20));
+  set_frames(test::mostly_static(7, {64, 64, 64}, 600, 2, kColorOnly, 20));
   const Grid other = test::random_grid(3, {64, 64, 65}, 90, true, false);
   ASSERT_TRUE(write_file(*container(1), container_of(other)));
   EXPECT_EQ(write().error().message(),

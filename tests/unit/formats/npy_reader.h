@@ -5,12 +5,37 @@
 
 #include <cstdint>
 #include <cstring>
+#include <optional>
 #include <regex>
+#include <span>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "server/formats/formats.h"
+#include "server/formats/npy/dense_array.h"
+
 namespace voxeld::test {
+
+// The .npy file of a channel, from its pieces; the last one first.
+inline std::vector<uint8_t> npy_of(const Grid& grid, std::optional<Channel> channel,
+                                   const OutputOptions& options) {
+  const DenseArray array(grid, channel, options);
+  std::vector<uint8_t> npy = array.header();
+  const size_t header_bytes = npy.size();
+  npy.resize(header_bytes + array.bytes(), 0xa5);
+  for (size_t i = array.piece_count(); i-- > 0;) {
+    array.fill(i,
+               std::span(npy).subspan(header_bytes + array.piece_begin(i), array.piece_bytes(i)));
+  }
+  return npy;
+}
+
+inline Result<std::vector<uint8_t>> encode_as(Format format, const Grid& grid,
+                                              OutputOptions options = {}) {
+  options.format = format;
+  return encode(grid, options);
+}
 
 struct NpyArray {
   std::string dict;   // the header's text, without padding
@@ -64,6 +89,8 @@ inline NpyArray read_npy(const std::vector<uint8_t>& bytes) {
   }
   array.data.assign(bytes.begin() + static_cast<std::ptrdiff_t>(begin + size), bytes.end());
   size_t expected = array.descr == "<f8"   ? 8
+                    : array.descr == "<i8" ? 8
+                    : array.descr == "<i4" ? 4
                     : array.descr == "<f4" ? 4
                     : array.descr == "<u2" ? 2
                                            : 1;

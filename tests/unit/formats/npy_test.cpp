@@ -5,7 +5,7 @@
 #include <string>
 
 #include "server/formats/formats.h"
-#include "server/formats/npy_array.h"
+#include "server/formats/npy/npy_array.h"
 #include "tests/unit/formats/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
@@ -68,7 +68,7 @@ TEST(NpyOccupancy, has_each_type_and_axis_order_that_is_asked_for) {
   for (const auto& [dtype, descr] :
        {Case{DType::kUint8, "|u1"}, Case{DType::kBool, "|b1"}, Case{DType::kFloat32, "<f4"}}) {
     for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
-      const auto bytes = encode_npy(grid, options_of(dtype, axes));
+      const auto bytes = test::encode_as(Format::kNpy, grid, options_of(dtype, axes));
       ASSERT_TRUE(bytes);
       const auto array = test::read_npy(*bytes);
       EXPECT_EQ(array.descr, descr);
@@ -89,15 +89,15 @@ TEST(NpyOccupancy, has_each_type_and_axis_order_that_is_asked_for) {
 TEST(NpyOccupancy, the_samples_lie_the_same_in_both_axis_orders) {
   const Grid grid = test::random_grid(1, {30, 20, 10}, 500, false, false);
   const auto zyx =
-      test::read_npy(npy_channel(grid, std::nullopt, options_of(DType::kUint8, AxisOrder::kZyx)));
+      test::read_npy(test::npy_of(grid, std::nullopt, options_of(DType::kUint8, AxisOrder::kZyx)));
   const auto xyz =
-      test::read_npy(npy_channel(grid, std::nullopt, options_of(DType::kUint8, AxisOrder::kXyz)));
+      test::read_npy(test::npy_of(grid, std::nullopt, options_of(DType::kUint8, AxisOrder::kXyz)));
   EXPECT_EQ(zyx.data, xyz.data);
 }
 
 TEST(NpyOccupancy, an_empty_grid_is_all_zeros) {
   const Grid grid = test::grid_of({4, 3, 2}, {}, false, false);
-  const auto array = test::read_npy(npy_channel(grid, std::nullopt, {}));
+  const auto array = test::read_npy(test::npy_of(grid, std::nullopt, {}));
   EXPECT_EQ(array.shape, Shape({2, 3, 4}));
   EXPECT_EQ(array.data, std::vector<uint8_t>(24));
 }
@@ -106,7 +106,7 @@ TEST(NpyOccupancy, has_all_cells_of_full_nodes_in_each_type) {
   const Grid grid = test::grid_with_a_full_brick(false, false);
   for (const DType dtype : {DType::kUint8, DType::kFloat32}) {
     const auto array =
-        test::read_npy(npy_channel(grid, std::nullopt, options_of(dtype, AxisOrder::kZyx)));
+        test::read_npy(test::npy_of(grid, std::nullopt, options_of(dtype, AxisOrder::kZyx)));
     std::vector<float> values = array.as<float>();
     if (dtype != DType::kFloat32) values.assign(array.data.begin(), array.data.end());
     for (int z = 0; z < 16; ++z) {
@@ -123,10 +123,10 @@ TEST(NpyOccupancy, has_all_cells_of_full_nodes_in_each_type) {
 
 TEST(NpyColor, voxels_of_full_nodes_are_zero_with_alpha_zero) {
   const Grid grid = test::grid_with_a_full_brick(true, true);
-  const auto color = test::read_npy(npy_channel(grid, Channel::kColor, {}));
+  const auto color = test::read_npy(test::npy_of(grid, Channel::kColor, {}));
   EXPECT_EQ(color.data[color.at(position({0, 0, 0}, AxisOrder::kZyx, 2))], 30);
   EXPECT_EQ(std::ranges::count(color.data, 0), std::ssize(color.data) - 4);
-  const auto normal = test::read_npy(npy_channel(grid, Channel::kNormal, {}));
+  const auto normal = test::read_npy(test::npy_of(grid, Channel::kNormal, {}));
   EXPECT_EQ(std::ranges::count(normal.data, 0), std::ssize(normal.data) - 1);
 }
 
@@ -135,7 +135,7 @@ TEST(NpyColor, is_srgb_bytes_and_zero_where_nothing_is) {
   for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
     for (const DType dtype : {DType::kUint8, DType::kBool}) {
       const auto array =
-          test::read_npy(npy_channel(grid, Channel::kColor, options_of(dtype, axes)));
+          test::read_npy(test::npy_of(grid, Channel::kColor, options_of(dtype, axes)));
       EXPECT_EQ(array.descr, "|u1");
       EXPECT_EQ(array.shape,
                 axes == AxisOrder::kXyz ? Shape({3, 5, 259, 4}) : Shape({259, 5, 3, 4}));
@@ -153,7 +153,7 @@ TEST(NpyColor, is_srgb_bytes_and_zero_where_nothing_is) {
 TEST(NpyColor, is_linear_light_and_alpha_in_0_to_1_as_float32) {
   const Grid grid = sample();
   const auto array = test::read_npy(
-      npy_channel(grid, Channel::kColor, options_of(DType::kFloat32, AxisOrder::kZyx)));
+      test::npy_of(grid, Channel::kColor, options_of(DType::kFloat32, AxisOrder::kZyx)));
   EXPECT_EQ(array.descr, "<f4");
   const auto values = array.as<float>();
   const auto at = [&](const std::array<int, 3>& cell, int channel) {
@@ -174,9 +174,9 @@ TEST(NpyNormal, is_int8_or_minus_1_to_1) {
   const Grid grid = sample();
   for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
     const auto bytes =
-        test::read_npy(npy_channel(grid, Channel::kNormal, options_of(DType::kUint8, axes)));
+        test::read_npy(test::npy_of(grid, Channel::kNormal, options_of(DType::kUint8, axes)));
     const auto floats =
-        test::read_npy(npy_channel(grid, Channel::kNormal, options_of(DType::kFloat32, axes)));
+        test::read_npy(test::npy_of(grid, Channel::kNormal, options_of(DType::kFloat32, axes)));
     EXPECT_EQ(bytes.descr, "|i1");
     EXPECT_EQ(floats.descr, "<f4");
     EXPECT_EQ(bytes.shape.back(), 3);
@@ -198,8 +198,8 @@ TEST(NpyIds, are_uint16_whatever_the_type_of_other_samples) {
   for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
     for (const DType dtype : {DType::kUint8, DType::kFloat32}) {
       const OutputOptions options = options_of(dtype, axes);
-      const auto material = test::read_npy(npy_channel(grid, Channel::kMaterial, options));
-      const auto label = test::read_npy(npy_channel(grid, Channel::kLabel, options));
+      const auto material = test::read_npy(test::npy_of(grid, Channel::kMaterial, options));
+      const auto label = test::read_npy(test::npy_of(grid, Channel::kLabel, options));
       EXPECT_EQ(material.descr, "<u2");
       EXPECT_EQ(material.shape.size(), 3u);
       std::map<std::array<int, 3>, test::TestVoxel> first;
@@ -224,16 +224,16 @@ TEST(NpyMeasures, distances_are_in_voxels_and_coverage_is_uint8_or_0_to_1) {
   Grid grid = test::grid_of({16, 16, 16}, {voxel}, {.distance = true, .coverage = true});
   grid.tiles[0].full = {{morton_encode(1, 1, 1), 0}};
   const OutputOptions plain = options_of(DType::kUint8, AxisOrder::kZyx);
-  const auto distance = test::read_npy(npy_channel(grid, Channel::kDistance, plain));
+  const auto distance = test::read_npy(test::npy_of(grid, Channel::kDistance, plain));
   EXPECT_EQ(distance.descr, "<f4");
   EXPECT_EQ(distance.as<float>()[distance.at({3, 2, 1})], -1.5f);
-  const auto coverage = test::read_npy(npy_channel(grid, Channel::kCoverage, plain));
+  const auto coverage = test::read_npy(test::npy_of(grid, Channel::kCoverage, plain));
   EXPECT_EQ(coverage.descr, "|u1");
   EXPECT_EQ(coverage.data[coverage.at({3, 2, 1})], 51);
   EXPECT_EQ(coverage.data[coverage.at({8, 9, 15})], 255) << "of a full node";
   EXPECT_EQ(coverage.data[coverage.at({0, 0, 0})], 0);
   const auto floats = test::read_npy(
-      npy_channel(grid, Channel::kCoverage, options_of(DType::kFloat32, AxisOrder::kXyz)));
+      test::npy_of(grid, Channel::kCoverage, options_of(DType::kFloat32, AxisOrder::kXyz)));
   EXPECT_FLOAT_EQ(floats.as<float>()[floats.at({1, 2, 3})], 0.2f);
   EXPECT_EQ(floats.as<float>()[floats.at({15, 9, 8})], 1.0f);
 }

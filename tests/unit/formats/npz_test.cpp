@@ -1,11 +1,12 @@
 #include <gtest/gtest.h>
 #include <zip.h>
 
+#include <algorithm>
 #include <map>
 #include <string>
 
 #include "server/formats/formats.h"
-#include "server/formats/npy_array.h"
+#include "server/formats/npy/npy_array.h"
 #include "tests/unit/formats/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
@@ -43,7 +44,7 @@ Members unzipped(const std::vector<uint8_t>& bytes) {
 }
 
 Members members_of(const Grid& grid, const OutputOptions& options = {}) {
-  const auto bytes = encode_npz(grid, options);
+  const auto bytes = test::encode_as(Format::kNpz, grid, options);
   EXPECT_TRUE(bytes) << (bytes ? "" : bytes.error().message());
   return bytes ? unzipped(*bytes) : Members();
 }
@@ -78,11 +79,30 @@ TEST(Npz, members_are_the_arrays_that_npy_writes) {
       options.dtype = dtype;
       options.axes = axes;
       const Members members = members_of(grid, options);
-      EXPECT_EQ(members.at("occupancy.npy"), npy_channel(grid, std::nullopt, options));
-      EXPECT_EQ(members.at("color.npy"), npy_channel(grid, Channel::kColor, options));
-      EXPECT_EQ(members.at("normal.npy"), npy_channel(grid, Channel::kNormal, options));
+      EXPECT_EQ(members.at("occupancy.npy"), test::npy_of(grid, std::nullopt, options));
+      EXPECT_EQ(members.at("color.npy"), test::npy_of(grid, Channel::kColor, options));
+      EXPECT_EQ(members.at("normal.npy"), test::npy_of(grid, Channel::kNormal, options));
     }
   }
+}
+
+TEST(Npz, has_a_row_for_each_voxel_in_layout_sparse) {
+  const Grid grid = test::random_grid(2, {300, 70, 12}, 400, true, true);
+  OutputOptions options;
+  options.layout = ArrayLayout::kSparse;
+  const Members members = members_of(grid, options);
+  EXPECT_EQ(names(members),
+            (std::vector<std::string>{"color.npy", "coords.npy", "dims.npy", "meta.npy",
+                                      "normal.npy", "origin.npy", "voxel_size.npy"}));
+  EXPECT_EQ(test::read_npy(members.at("dims.npy")).as<int64_t>(),
+            (std::vector<int64_t>{300, 70, 12}));
+  options.format = Format::kNpy;
+  const auto npy = encode(grid, options);
+  ASSERT_TRUE(npy) << npy.error().message();
+  EXPECT_EQ(members.at("coords.npy"), *npy);
+  const auto rows = static_cast<int64_t>(grid.voxel_count());
+  EXPECT_EQ(test::read_npy(members.at("color.npy")).shape, (std::vector<int64_t>{rows, 4}));
+  EXPECT_EQ(test::read_npy(members.at("normal.npy")).shape, (std::vector<int64_t>{rows, 3}));
 }
 
 TEST(Npz, says_where_the_grid_lies_and_what_made_it) {
@@ -97,9 +117,9 @@ TEST(Npz, says_where_the_grid_lies_and_what_made_it) {
 
 TEST(Npz, equal_grids_give_equal_bytes) {
   Grid grid = test::random_grid(4, {600, 20, 20}, 300, true, false);
-  const auto first = encode_npz(grid, {});
+  const auto first = test::encode_as(Format::kNpz, grid);
   std::ranges::reverse(grid.tiles);
-  const auto second = encode_npz(grid, {});
+  const auto second = test::encode_as(Format::kNpz, grid);
   ASSERT_TRUE(first && second);
   EXPECT_EQ(*first, *second);
   // Time and date of the first member: midnight of 1980-01-01, not the time of day.

@@ -5,10 +5,17 @@
 #include <cstdint>
 #include <vector>
 
+#include "proto/options/options.h"
 #include "server/grid/grid.h"
 #include "tests/unit/proto/tile_maker.h"
 
 namespace voxeld::test {
+
+inline OutputOptions to(Format format) {
+  OutputOptions options;
+  options.format = format;
+  return options;
+}
 
 inline Grid grid_of(const std::array<int, 3>& dims, const std::vector<TestVoxel>& voxels,
                     const ChannelSet& channels) {

@@ -9,11 +9,14 @@
 #include <vector>
 
 #include "server/base/file.h"
-#include "server/formats/npy_array.h"
+#include "server/formats/npy/npy_array.h"
+#include "tests/unit/formats/npy_reader.h"
 #include "tests/unit/formats/sample_frames.h"
 
 namespace voxeld {
 namespace {
+
+using test::to;
 
 constexpr ChannelSet kColorChannels = {.color = true};
 
@@ -21,12 +24,6 @@ std::vector<Format> all_formats() {
   std::vector<Format> formats;
   for (const FormatInfo& info : output_formats()) formats.push_back(info.format);
   return formats;
-}
-
-OutputOptions to(Format format) {
-  OutputOptions options;
-  options.format = format;
-  return options;
 }
 
 class SequenceFormats : public testing::Test {
@@ -90,13 +87,38 @@ TEST_F(SequenceFormats, a_frame_of_an_array_is_the_array_of_its_grid) {
       const auto bytes = written(test::FramesInMemory(grids), options);
       std::vector<uint8_t> expected = npy_frames_header(grids[0].spec, 3, std::nullopt, options);
       for (const Grid& grid : grids) {
-        const auto one = npy_channel(grid, std::nullopt, options);
-        expected.insert(expected.end(),
-                        one.begin() + static_cast<std::ptrdiff_t>(npy_data_begin(one)), one.end());
+        const auto one = test::read_npy(test::npy_of(grid, std::nullopt, options)).data;
+        expected.insert(expected.end(), one.begin(), one.end());
       }
       EXPECT_EQ(bytes, expected);
     }
   }
+}
+
+TEST_F(SequenceFormats, sparse_arrays_have_the_rows_of_all_frames) {
+  auto grids = test::mostly_static(3, {40, 30, 20}, 300, 3, kColorChannels);
+  grids[1].tiles.clear();
+  OutputOptions options = to(Format::kNpy);
+  options.layout = ArrayLayout::kSparse;
+  const auto array = test::read_npy(written(test::FramesInMemory(grids), options));
+  EXPECT_EQ(array.descr, "<i4");
+  const auto first = static_cast<int64_t>(grids[0].voxel_count());
+  EXPECT_EQ(array.shape,
+            (std::vector<int64_t>{first + static_cast<int64_t>(grids[2].voxel_count()), 4}));
+  const auto rows = array.as<int32_t>();
+  size_t at = 0;
+  for (const size_t frame : {0, 2}) {
+    const auto one = encode(grids[frame], options);
+    ASSERT_TRUE(one) << one.error().message();
+    const auto coords = test::read_npy(*one).as<int32_t>();
+    for (size_t i = 0; i < coords.size(); i += 3, at += 4) {
+      ASSERT_EQ(std::vector(rows.begin() + static_cast<ptrdiff_t>(at),
+                            rows.begin() + static_cast<ptrdiff_t>(at + 4)),
+                (std::vector<int32_t>{static_cast<int32_t>(frame), coords[i], coords[i + 1],
+                                      coords[i + 2]}));
+    }
+  }
+  EXPECT_EQ(at, rows.size());
 }
 
 // libzip compares what the directory says with the members' own headers.
@@ -132,16 +154,25 @@ TEST_F(SequenceFormats, dense_ones_have_a_limit_of_cells_in_all_frames) {
     EXPECT_TRUE(check_sequence_encodable(spec, 512, to(format)));
     const Status status = check_sequence_encodable(spec, 513, to(format));
     const bool dense = format_info(format).layout.is_dense();
+    OutputOptions sparse = to(format);
+    sparse.layout = ArrayLayout::kSparse;
+    const bool may_be_sparse = format_info(format).layout.may_be_sparse;
+    EXPECT_EQ(check_sequence_encodable(spec, 513, sparse).ok(), !dense || may_be_sparse);
     ASSERT_EQ(status.ok(), !dense);
     if (!dense) continue;
     EXPECT_EQ(status.error().code, ErrorCode::kGridTooLarge);
     EXPECT_EQ(
         status.error().message(),
-        std::string(format_name(format)) +
-            " is dense: too many cells in all frames (sparse formats: " + sparse_format_names() +
+        std::string(format_name(format)) + " is dense: too many cells in all frames (" +
+            (may_be_sparse ? "layout=sparse is not" : "npy and npz with layout=sparse are not") +
+            ", nor are formats " + sparse_format_names() +
             "): expected "
             "at most 8589934592 cells, got 8606711808");
   }
+  spec.dims = {1290, 1, 1};  // a binvox is a cube
+  EXPECT_TRUE(check_sequence_encodable(spec, 4, to(Format::kBinvox)));
+  EXPECT_EQ(check_sequence_encodable(spec, 5, to(Format::kBinvox)).error().got, "10733445000");
+  EXPECT_TRUE(check_sequence_encodable(spec, 5, to(Format::kVti)));
   spec.dims = {2048, 1024, 1025};  // one frame is too large
   EXPECT_EQ(check_sequence_encodable(spec, 1, to(Format::kNpz)).error().message(),
             check_encodable(spec, to(Format::kNpz)).error().message());
@@ -165,16 +196,16 @@ TEST_F(SequenceFormats, a_vox_longer_than_it_can_say_is_refused) {
 }
 
 TEST_F(SequenceFormats, more_frames_than_the_editor_plays_are_written_with_a_warning) {
-  GridSpec spec;
-  spec.dims = {64, 64, 64};
-  EXPECT_TRUE(sequence_warnings(spec, 120, to(Format::kVox)).empty());
-  EXPECT_TRUE(sequence_warnings(spec, 121, to(Format::kNative)).empty());
-  const auto warnings = sequence_warnings(spec, 121, to(Format::kVox));
+  Grid grid;
+  grid.spec.dims = {64, 64, 64};
+  EXPECT_TRUE(sequence_warnings(grid, 120, to(Format::kVox)).empty());
+  EXPECT_TRUE(sequence_warnings(grid, 121, to(Format::kNative)).empty());
+  const auto warnings = sequence_warnings(grid, 121, to(Format::kVox));
   ASSERT_EQ(warnings.size(), 1U);
   EXPECT_EQ(warnings[0].code, "many-frames");
   EXPECT_EQ(warnings[0].detail, "vox: MagicaVoxel plays 120 frames of 121");
-  spec.dims = {64, 1001, 64};
-  EXPECT_EQ(sequence_warnings(spec, 121, to(Format::kVox)).size(), 2U);
+  grid.spec.dims = {64, 1001, 64};
+  EXPECT_EQ(sequence_warnings(grid, 121, to(Format::kVox)).size(), 2U);
 }
 
 TEST_F(SequenceFormats, errors_of_the_source_and_of_the_file_are_returned) {

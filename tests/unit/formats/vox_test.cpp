@@ -1,5 +1,7 @@
+#include "tests/unit/formats/npy_reader.h"
 #include "tests/unit/formats/vox_reader.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -11,10 +13,10 @@ namespace {
 
 using Cells = std::map<std::array<int, 3>, std::array<uint8_t, 3>>;
 
-test::VoxScene written(const Grid& grid, int palette_max = 255) {
+test::VoxScene written_scene(const Grid& grid, int palette_max = 255) {
   OutputOptions options;
   options.palette_max = palette_max;
-  const auto bytes = encode_vox(grid, options);
+  const auto bytes = test::encode_as(Format::kVox, grid, options);
   EXPECT_TRUE(bytes) << (bytes ? "" : bytes.error().message());
   return bytes ? test::VoxReader::read(*bytes) : test::VoxScene();
 }
@@ -50,7 +52,7 @@ Grid colored_grid(const std::array<int, 3>& dims, int voxels, int colors) {
 
 TEST(Vox, a_small_grid_is_one_model_with_its_cells_and_colours) {
   const Grid grid = colored_grid({20, 31, 42}, 800, 255);
-  const auto scene = written(grid);
+  const auto scene = written_scene(grid);
   ASSERT_EQ(scene.models.size(), 1u);
   EXPECT_EQ(scene.models[0].size, (std::array<int, 3>{20, 42, 31}));
   EXPECT_TRUE(scene.cells() == expected_cells(grid));
@@ -61,7 +63,7 @@ TEST(Vox, a_small_grid_is_one_model_with_its_cells_and_colours) {
 TEST(Vox, cells_above_256_are_models_that_join_without_gaps) {
   const Grid grid = colored_grid({600, 270, 300}, 4000, 200);
   ASSERT_GT(grid.tiles.size(), 6u);
-  const auto scene = written(grid);
+  const auto scene = written_scene(grid);
   EXPECT_GT(scene.models.size(), 6u);
   EXPECT_LE(scene.models.size(), 3u * 2u * 2u);
   EXPECT_TRUE(scene.cells() == expected_cells(grid));
@@ -71,23 +73,23 @@ TEST(Vox, cells_on_both_sides_of_a_seam_stay_neighbours_for_odd_and_even_rests) 
   for (const int side : {257, 258, 511, 512, 513}) {
     const Grid grid = test::grid_of(
         {side, side, side}, test::box_voxels({254, 254, 254}, {257, 257, 257}), true, false);
-    EXPECT_TRUE(written(grid).cells() == expected_cells(grid)) << side;
+    EXPECT_TRUE(written_scene(grid).cells() == expected_cells(grid)) << side;
   }
 }
 
 TEST(Vox, voxels_of_full_nodes_have_the_mean_colour_of_the_others) {
   Grid grid = test::grid_with_a_full_brick(true, false);
-  const auto cells = written(grid).cells();
+  const auto cells = written_scene(grid).cells();
   EXPECT_EQ(cells.size(), 513u);
   EXPECT_EQ(cells.at(scene_cell(grid, 15, 8, 9)), (std::array<uint8_t, 3>{10, 20, 30}));
   grid.tiles[0].masks.clear();
   grid.tiles[0].brick_morton.clear();
   grid.tiles[0].color.clear();
-  EXPECT_EQ(written(grid).cells().at(scene_cell(grid, 8, 8, 8)), kNeutralColor);
+  EXPECT_EQ(written_scene(grid).cells().at(scene_cell(grid, 8, 8, 8)), kNeutralColor);
   grid.tiles[0].full = {{0, kTileLevels}};
   grid.spec.dims = {2048, 2048, 2048};
   grid.tiles.resize(32, grid.tiles[0]);
-  EXPECT_EQ(encode_vox(grid, {}).error().code, ErrorCode::kGridTooLarge);
+  EXPECT_EQ(test::encode_as(Format::kVox, grid, {}).error().code, ErrorCode::kGridTooLarge);
 }
 
 TEST(Vox, a_grid_without_colours_has_one_for_each_label_or_material) {
@@ -99,16 +101,17 @@ TEST(Vox, a_grid_without_colours_has_one_for_each_label_or_material) {
   }
   const std::array<int, 3> dims = {8, 8, 8};
   const Grid by_material = test::grid_of(dims, voxels, {.material = true});
-  const auto cells = written(by_material).cells();
+  const auto cells = written_scene(by_material).cells();
   for (const auto& voxel : voxels) {
     EXPECT_EQ(cells.at(scene_cell(by_material, voxel.cell[0], 0, 0)), id_color(voxel.material));
   }
-  const auto labelled = written(test::grid_of(dims, voxels, {.material = true, .label = true}));
+  const auto labelled =
+      written_scene(test::grid_of(dims, voxels, {.material = true, .label = true}));
   for (const auto& voxel : voxels) {
     EXPECT_EQ(labelled.cells().at(scene_cell(by_material, voxel.cell[0], 0, 0)),
               id_color(voxel.label));
   }
-  const auto colored = written(test::grid_of(dims, voxels, {.color = true, .label = true}));
+  const auto colored = written_scene(test::grid_of(dims, voxels, {.color = true, .label = true}));
   EXPECT_EQ(colored.cells().begin()->second, (std::array<uint8_t, 3>{0, 0, 0}));
   std::set<std::array<uint8_t, 3>> colors;
   for (uint16_t id = 0; id < 100; ++id) colors.insert(id_color(id));
@@ -123,7 +126,7 @@ TEST(Vox, the_turn_to_z_up_keeps_handedness) {
                                    {{0, 0, 0}, {0, 0, 0, 255}, {}}},
                                   true, false);
   std::map<std::array<uint8_t, 3>, std::array<int, 3>> place;
-  for (const auto& [cell, color] : written(grid).cells()) place[color] = cell;
+  for (const auto& [cell, color] : written_scene(grid).cells()) place[color] = cell;
   const auto origin = place.at({0, 0, 0});
   const auto offset = [&](const std::array<uint8_t, 3>& color) {
     const auto& cell = place.at(color);
@@ -135,7 +138,7 @@ TEST(Vox, the_turn_to_z_up_keeps_handedness) {
 }
 
 TEST(Vox, the_root_says_where_the_grid_lies) {
-  const auto scene = written(test::random_grid(1, {7, 8, 9}, 20, true, false));
+  const auto scene = written_scene(test::random_grid(1, {7, 8, 9}, 20, true, false));
   const auto& attributes = scene.transforms.at(0).attributes;
   EXPECT_EQ(attributes.at("dims"), "7,8,9");
   EXPECT_EQ(attributes.at("origin"), "-1.5,0.25,1e+10");
@@ -146,7 +149,7 @@ TEST(Vox, colours_above_the_palette_are_near_ones_and_the_palette_is_kept) {
   const Grid grid = colored_grid({60, 60, 60}, 6000, 3000);
   const Cells exact = expected_cells(grid);
   for (const int palette_max : {255, 16, 1}) {
-    const Cells cells = written(grid, palette_max).cells();
+    const Cells cells = written_scene(grid, palette_max).cells();
     ASSERT_EQ(cells.size(), exact.size());
     std::set<std::array<uint8_t, 3>> used;
     for (const auto& [cell, color] : cells) {
@@ -157,9 +160,27 @@ TEST(Vox, colours_above_the_palette_are_near_ones_and_the_palette_is_kept) {
   }
 }
 
+TEST(Vox, a_palette_of_the_request_is_kept_in_its_order) {
+  const Grid grid = colored_grid({60, 60, 60}, 6000, 3000);
+  OutputOptions options;
+  options.palette = {{255, 255, 255}, {10, 20, 30}, {200, 40, 40}};
+  const auto bytes = test::encode_as(Format::kVox, grid, options);
+  ASSERT_TRUE(bytes);
+  const test::VoxScene scene = test::VoxReader::read(*bytes);
+  for (size_t i = 0; i < options.palette.size(); ++i) {
+    const PaletteColor& color = options.palette[i];
+    EXPECT_EQ(scene.palette.at(i), (std::array<uint8_t, 4>{color[0], color[1], color[2], 255}));
+  }
+  const auto cells = scene.cells();
+  EXPECT_EQ(cells.size(), expected_cells(grid).size());
+  for (const auto& [cell, color] : cells) {
+    EXPECT_NE(std::ranges::find(options.palette, color), options.palette.end());
+  }
+}
+
 TEST(Vox, a_grid_without_colours_is_grey) {
   const Grid grid = test::grid_of({5, 5, 5}, test::box_voxels({1, 1, 1}, {3, 3, 3}), false, false);
-  const auto cells = written(grid).cells();
+  const auto cells = written_scene(grid).cells();
   EXPECT_EQ(cells.size(), 8u);
   for (const auto& [cell, color] : cells) {
     EXPECT_EQ(color, (std::array<uint8_t, 3>{0xb4, 0xb4, 0xb4}));
@@ -168,7 +189,7 @@ TEST(Vox, a_grid_without_colours_is_grey) {
 
 TEST(Vox, an_empty_grid_is_one_empty_model) {
   for (const bool color : {false, true}) {
-    const auto scene = written(test::grid_of({5, 6, 7}, {}, color, false));
+    const auto scene = written_scene(test::grid_of({5, 6, 7}, {}, color, false));
     ASSERT_EQ(scene.models.size(), 1u);
     EXPECT_EQ(scene.models[0].size, (std::array<int, 3>{5, 7, 6}));
     EXPECT_TRUE(scene.cells().empty());
@@ -177,9 +198,9 @@ TEST(Vox, an_empty_grid_is_one_empty_model) {
 
 TEST(Vox, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   Grid grid = colored_grid({600, 270, 300}, 1000, 700);
-  const auto first = encode_vox(grid, {});
+  const auto first = test::encode_as(Format::kVox, grid, {});
   normalize_tiles(grid);
-  const auto second = encode_vox(grid, {});
+  const auto second = test::encode_as(Format::kVox, grid, {});
   ASSERT_TRUE(first && second);
   EXPECT_EQ(*first, *second);
 }
@@ -187,12 +208,12 @@ TEST(Vox, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
 TEST(Vox, what_the_editor_does_not_show_is_told) {
   OutputOptions options;
   options.format = Format::kVox;
-  GridSpec spec;
-  spec.dims = {2000, 1000, 2000};
-  EXPECT_TRUE(encode_warnings(spec, options).empty());
+  Grid grid;
+  grid.spec.dims = {2000, 1000, 2000};
+  EXPECT_TRUE(encode_warnings(grid, options).empty());
   for (const glm::ivec3 dims : {glm::ivec3(2001, 5, 5), {5, 1001, 5}, {5, 5, 2001}}) {
-    spec.dims = dims;
-    const auto warnings = encode_warnings(spec, options);
+    grid.spec.dims = dims;
+    const auto warnings = encode_warnings(grid, options);
     ASSERT_EQ(warnings.size(), 1u);
     EXPECT_EQ(warnings[0].code, "outside-world");
     EXPECT_EQ(warnings[0].detail, "vox: MagicaVoxel shows 2000 x 1000 (up) x 2000 cells of " +
@@ -200,7 +221,7 @@ TEST(Vox, what_the_editor_does_not_show_is_told) {
                                       " x " + std::to_string(dims.z));
   }
   options.format = Format::kNpy;
-  EXPECT_TRUE(encode_warnings(spec, options).empty());
+  EXPECT_TRUE(encode_warnings(grid, options).empty());
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // write_sequence_sample DIR: two sequences in every format and, as text, what they hold, for
 // read_sequence_test.py. "small" has all channels, full nodes, and a frame that was there before;
 // "wide" has several tiles that come and go, and an empty frame.
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>

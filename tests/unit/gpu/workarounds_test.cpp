@@ -1,5 +1,5 @@
 // The list of driver workarounds and its switch.
-#include "server/gpu/workarounds.h"
+#include "server/device/workarounds.h"
 
 #include <gtest/gtest.h>
 

@@ -13,13 +13,13 @@
 namespace voxeld::http {
 namespace {
 
-constexpr size_t kLargeBytes = size_t{64} << 20;  // more than the buffers of both sockets hold
+constexpr size_t kLargeBodyBytes = size_t{64} << 20;  // more than the buffers of both sockets hold
 
 class CrowdTest : public HttpServerTest {
  protected:
   CrowdTest() {
     on("GET", "/large",
-       [](Request&) { return Response::text(200, std::string(kLargeBytes, 'x')); });
+       [](Request&) { return Response::text(200, std::string(kLargeBodyBytes, 'x')); });
   }
 };
 
@@ -47,12 +47,12 @@ TEST_F(CrowdTest, a_slow_reader_holds_no_thread_and_gets_everything) {
   EXPECT_EQ(get("/hello").body, "hello");
   const auto response = slow.receive();
   ASSERT_TRUE(response);
-  EXPECT_EQ(response->body.size(), kLargeBytes);
+  EXPECT_EQ(response->body.size(), kLargeBodyBytes);
   ASSERT_TRUE(slow.send_get("/hello"));
   EXPECT_EQ(slow.receive().value_or(HttpResponse{}).body, "hello");
   const auto seen = observed(3);
   EXPECT_EQ(seen[1].path, "/large");
-  EXPECT_EQ(seen[1].bytes_out, static_cast<int64_t>(kLargeBytes));
+  EXPECT_EQ(seen[1].bytes_out, static_cast<int64_t>(kLargeBodyBytes));
 }
 
 TEST_F(CrowdTest, a_pipelining_client_queues_behind_others_after_each_response) {
@@ -199,7 +199,7 @@ TEST_F(CrowdTest, a_download_that_runs_is_sent_to_its_end_when_the_server_stops)
     bytes += some.size();
   }
   stopper.join();
-  EXPECT_EQ(bytes, kLargeBytes);
+  EXPECT_EQ(bytes, kLargeBodyBytes);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 namespace voxeld::http {
 namespace {
 
-const std::string kGood =
+const std::string kGoodHead =
     "POST /v1/voxelize?size=128&mode=solid HTTP/1.1\r\n"
     "Host: localhost\r\n"
     "Content-Length: 17\r\n"
@@ -34,7 +34,7 @@ std::string refusal(const std::string& text) {
 }
 
 TEST(HeadParser, a_request_is_taken_apart) {
-  const auto head = parse_head(kGood);
+  const auto head = parse_head(kGoodHead);
   ASSERT_TRUE(head) << head.error().message();
   EXPECT_EQ(head->method, "POST");
   EXPECT_EQ(head->target, "/v1/voxelize?size=128&mode=solid");
@@ -49,7 +49,7 @@ TEST(HeadParser, a_request_is_taken_apart) {
 }
 
 TEST(HeadParser, a_header_that_stands_twice_is_joined_by_a_comma) {
-  EXPECT_EQ(parse_head(kGood)->header("Accept"), "a/b, c/d");
+  EXPECT_EQ(parse_head(kGoodHead)->header("Accept"), "a/b, c/d");
 }
 
 TEST(HeadParser, an_empty_header_value_adds_nothing_to_a_list) {
@@ -58,7 +58,7 @@ TEST(HeadParser, an_empty_header_value_adds_nothing_to_a_list) {
 }
 
 TEST(HeadParser, an_empty_header_value_is_preserved) {
-  EXPECT_EQ(parse_head(kGood)->headers.count("x-empty"), 1u);
+  EXPECT_EQ(parse_head(kGoodHead)->headers.count("x-empty"), 1u);
 }
 
 TEST(HeadParser, spaces_and_tabs_around_a_value_are_dropped) {
@@ -66,15 +66,15 @@ TEST(HeadParser, spaces_and_tabs_around_a_value_are_dropped) {
 }
 
 TEST(HeadParser, every_truncation_is_cut_off) {
-  for (size_t bytes = 0; bytes < kGood.size(); ++bytes) {
-    EXPECT_EQ(refusal(kGood.substr(0, bytes)), "the head of the request is cut off") << bytes;
+  for (size_t bytes = 0; bytes < kGoodHead.size(); ++bytes) {
+    EXPECT_EQ(refusal(kGoodHead.substr(0, bytes)), "the head of the request is cut off") << bytes;
   }
 }
 
 TEST(HeadParser, every_control_byte_in_place_of_any_other_is_refused) {
-  for (size_t at = 0; at < kGood.size() - 2; ++at) {
+  for (size_t at = 0; at < kGoodHead.size() - 2; ++at) {
     for (const char c : {'\0', '\x01', '\n', '\r', '\x7f'}) {
-      std::string text = kGood;
+      std::string text = kGoodHead;
       if (text[at] == c) continue;
       text[at] = c;
       EXPECT_FALSE(parse_head(text).ok()) << "byte " << at << " = " << static_cast<int>(c);

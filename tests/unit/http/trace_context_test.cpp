@@ -5,15 +5,15 @@
 namespace voxeld {
 namespace {
 
-constexpr const char* kGood = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+constexpr const char* kGoodTraceparent = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
 
 TEST(TraceContext, a_traceparent_comes_back) {
-  const auto trace = parse_traceparent(kGood);
+  const auto trace = parse_traceparent(kGoodTraceparent);
   ASSERT_TRUE(trace);
   EXPECT_EQ(trace->trace_id, "4bf92f3577b34da6a3ce929d0e0e4736");
   EXPECT_EQ(trace->span_id, "00f067aa0ba902b7");
   EXPECT_EQ(trace->flags, 1);
-  EXPECT_EQ(traceparent_text(*trace), kGood);
+  EXPECT_EQ(traceparent_text(*trace), kGoodTraceparent);
 }
 
 TEST(TraceContext, an_invalid_traceparent_starts_a_new_trace) {
@@ -35,7 +35,7 @@ TEST(TraceContext, an_invalid_traceparent_starts_a_new_trace) {
 TEST(TraceContext, a_later_version_may_say_more) {
   const auto trace = parse_traceparent("01-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-ff-x");
   ASSERT_TRUE(trace);
-  EXPECT_EQ(traceparent_text(*trace), kGood);
+  EXPECT_EQ(traceparent_text(*trace), kGoodTraceparent);
 }
 
 TEST(TraceContext, a_child_has_the_trace_and_a_span_of_its_own) {

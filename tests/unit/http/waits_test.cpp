@@ -64,12 +64,12 @@ TEST_F(WaitsTest, a_connection_serves_requests_after_one_that_waited) {
 }
 
 TEST_F(WaitsTest, the_time_of_a_wait_is_not_taken_for_that_of_its_response) {
-  constexpr size_t kLargeBytes = size_t{16} << 20;  // more than the buffers of both sockets hold
+  constexpr size_t kDelayedBytes = size_t{16} << 20;  // more than the buffers of both sockets hold
   class LargeWait final : public Wait {
    public:
     std::optional<Response> look(Request&) override {
       if (Clock::now() < until_) return std::nullopt;
-      return Response::text(200, std::string(kLargeBytes, 'x'));
+      return Response::text(200, std::string(kDelayedBytes, 'x'));
     }
     Clock::time_point until() const override { return until_; }
 
@@ -80,9 +80,9 @@ TEST_F(WaitsTest, the_time_of_a_wait_is_not_taken_for_that_of_its_response) {
      [](Request&) -> Reply { return std::unique_ptr<Wait>(std::make_unique<LargeWait>()); });
   HttpServerConfig config;
   config.send.grace_seconds = 1;
-  config.send.rate_min = kLargeBytes / 4;  // four seconds of the response alone
+  config.send.rate_min = kDelayedBytes / 4;  // four seconds of the response alone
   start_with(config);
-  EXPECT_EQ(get("/large").body.size(), kLargeBytes);
+  EXPECT_EQ(get("/large").body.size(), kDelayedBytes);
 }
 
 TEST_F(WaitsTest, wakes_from_many_threads_lose_nothing) {

@@ -62,8 +62,8 @@ json FakeWorker::complete_with(const TaskCompletion& completion) {
   return call(to_json_message(completion)).value_or(json::object());
 }
 
-std::filesystem::path FakeWorker::write(const std::string& name, const std::string& text) {
-  const auto path = scratch_ / name;
+std::filesystem::path FakeWorker::write(const std::string& name, std::string_view text) {
+  auto path = scratch_ / name;
   const auto written =
       write_file(path, std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
   VOXELD_CHECK(written.ok(), written.error().detail);
@@ -84,6 +84,15 @@ TaskFrameReply FakeWorker::frame(const Task& task, int64_t index, const std::str
                                      made.voxel_count, made.content_hash, frames_total}));
   VOXELD_CHECK(reply.has_value(), "a frame got no reply");
   auto parsed = parse_task_frame_reply(*reply);
+  VOXELD_CHECK(parsed.ok(), parsed.error().detail);
+  return *std::move(parsed);
+}
+
+TaskPartReply FakeWorker::part(const Task& task, int64_t position, std::string_view container) {
+  const std::string path = write("part.voxg", container).string();
+  const auto reply = call(to_json_message(TaskPart{task.id, task.fence, position, path}));
+  VOXELD_CHECK(reply.has_value(), "a part got no reply");
+  auto parsed = parse_task_part_reply(*reply);
   VOXELD_CHECK(parsed.ok(), parsed.error().detail);
   return *std::move(parsed);
 }

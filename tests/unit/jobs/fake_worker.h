@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
@@ -34,6 +35,8 @@ class FakeWorker {
   // Writes `text` as the container of a frame and reports it.
   TaskFrameReply frame(const Task& task, int64_t index, const std::string& text,
                        int64_t frames_total = 0);
+  // Writes `container` as a part of the task's grid and reports it.
+  TaskPartReply part(const Task& task, int64_t position, std::string_view container);
   // Completes with `text` as the result and with the manifest of frames of these texts.
   nlohmann::json complete_sequence(const Task& task, const std::vector<std::string>& frames,
                                    const std::string& text);
@@ -42,7 +45,7 @@ class FakeWorker {
   bool fail(const Task& task, const Error& error);
   // Sends `completion` as it is.
   nlohmann::json complete_with(const TaskCompletion& completion);
-  std::filesystem::path write(const std::string& name, const std::string& text);
+  std::filesystem::path write(const std::string& name, std::string_view text);
   const std::filesystem::path& scratch() const { return scratch_; }
   // The path of a task's blob for this worker, valid while the task runs.
   std::string input(const std::string& blob) const {

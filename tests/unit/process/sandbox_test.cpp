@@ -58,7 +58,7 @@ class SandboxTest : public ::testing::Test {
  protected:
   void SetUp() override {
     if (landlock_abi() == 0 || !seccomp_available()) GTEST_SKIP() << "no Landlock or no seccomp";
-    for (const char* name : {"in", "out", "blobs"}) fs::create_directory(path(name));
+    for (const char* name : {"in", "out", "shared", "blobs"}) fs::create_directory(path(name));
     write("in/mine", "input of this task");
     write("blobs/theirs", "input of another tenant");
     fs::create_directory_symlink(path("blobs"), path("out/escape"));
@@ -79,6 +79,7 @@ class SandboxTest : public ::testing::Test {
     if (child == 0) {
       const bool entered = restrict_files({{path("in"), FileRule::Access::kRead},
                                            {path("out"), FileRule::Access::kOutput},
+                                           {path("shared"), FileRule::Access::kSharedMemory},
                                            {"/proc/self", FileRule::Access::kRead}}) &&
                            restrict_resources() && restrict_calls();
       ::_exit(entered ? attempt() : kNoSandbox);
@@ -117,6 +118,39 @@ TEST_F(SandboxTest, threads_and_memory_can_be_had) {
               return ran == 1 && jit ? kDone : kOther;
             }),
             kDone);
+}
+
+TEST_F(SandboxTest, shared_memory_can_be_made_and_removed_but_not_listed) {
+  EXPECT_EQ(tried([&] {
+              const std::string segment = path("shared/segment");
+              const int fd = ::open(segment.c_str(), O_RDWR | O_CREAT | O_EXCL, 0600);
+              if (fd < 0 || ::ftruncate(fd, 4096) != 0) return kOther;
+              void* at = ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+              return at == MAP_FAILED ? kOther : outcome(::unlink(segment.c_str()));
+            }),
+            kDone);
+  EXPECT_EQ(tried([&] { return open_close(path("shared"), O_RDONLY | O_DIRECTORY); }), kDenied);
+  EXPECT_EQ(tried([&] { return outcome(::mkdir(path("shared/folder").c_str(), 0700)); }), kDenied);
+}
+
+TEST_F(SandboxTest, folders_can_be_listed_by_the_old_call_too) {
+#ifdef SYS_getdents
+  EXPECT_EQ(tried([&] {
+              const int fd = ::open(path("in").c_str(), O_RDONLY | O_DIRECTORY);
+              char entries[4096];
+              return ::syscall(SYS_getdents, fd, entries, sizeof entries) > 0 ? kDone : kOther;
+            }),
+            kDone);
+#endif
+}
+
+TEST_F(SandboxTest, options_of_prctl_that_read_are_allowed) {
+  for (const int option : {PR_GET_KEEPCAPS, PR_GET_SECUREBITS, PR_GET_TIMING, PR_GET_THP_DISABLE}) {
+    EXPECT_EQ(tried([&] { return outcome(::prctl(option, 0, 0, 0, 0)); }), kDone) << option;
+  }
+  if (kSanitized) return;
+  EXPECT_EQ(tried([] { return outcome(::prctl(PR_SET_PDEATHSIG, 0, 0, 0, 0)); }), kDenied);
+  EXPECT_EQ(tried([] { return outcome(::prctl(PR_SET_KEEPCAPS, 1, 0, 0, 0)); }), kDenied);
 }
 
 TEST_F(SandboxTest, other_files_cannot_be_opened_by_any_path) {

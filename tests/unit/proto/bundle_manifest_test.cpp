@@ -17,7 +17,7 @@ std::string file(const std::string& name, const std::string& asset = kId) {
 std::string bundle(const std::string& files) {
   return R"({"files":[)" + files + "]}";
 }
-std::string refused(const std::string& text) {
+std::string manifest_refusal(const std::string& text) {
   const auto files = parse_bundle_manifest(text);
   EXPECT_FALSE(files) << text.substr(0, 200);
   if (files) return "";
@@ -36,50 +36,51 @@ TEST(BundleManifest, names_its_files_in_their_order) {
 }
 
 TEST(BundleManifest, members_are_checked_by_name_and_type) {
-  EXPECT_EQ(refused("[]"), "bundle: expected an object, got array");
-  EXPECT_EQ(refused("{}"), "bundle.files: expected a value, got nothing");
-  EXPECT_EQ(refused(R"({"files":{}})"), "bundle.files: expected a list, got object");
-  EXPECT_EQ(refused(R"({"files":[],"size":5})"), "bundle.files: expected 1 to 1000 files, got 0");
-  EXPECT_EQ(refused(R"({"size":5,)" + bundle(file("a")).substr(1)),
+  EXPECT_EQ(manifest_refusal("[]"), "bundle: expected an object, got array");
+  EXPECT_EQ(manifest_refusal("{}"), "bundle.files: expected a value, got nothing");
+  EXPECT_EQ(manifest_refusal(R"({"files":{}})"), "bundle.files: expected a list, got object");
+  EXPECT_EQ(manifest_refusal(R"({"files":[],"size":5})"),
+            "bundle.files: expected 1 to 1000 files, got 0");
+  EXPECT_EQ(manifest_refusal(R"({"size":5,)" + bundle(file("a")).substr(1)),
             "bundle: no such member: expected files, got \"size\"");
-  EXPECT_EQ(refused(bundle("5")), "bundle.files[0]: expected an object, got number");
-  EXPECT_EQ(refused(bundle(R"({"asset":"x"})")),
+  EXPECT_EQ(manifest_refusal(bundle("5")), "bundle.files[0]: expected an object, got number");
+  EXPECT_EQ(manifest_refusal(bundle(R"({"asset":"x"})")),
             "bundle.files[0].name: expected a value, got nothing");
-  EXPECT_EQ(refused(bundle(R"({"name":"a"})")),
+  EXPECT_EQ(manifest_refusal(bundle(R"({"name":"a"})")),
             "bundle.files[0].asset: expected a value, got nothing");
-  EXPECT_EQ(refused(bundle(file("a") + R"(,{"name":5,"asset":"x"})")),
+  EXPECT_EQ(manifest_refusal(bundle(file("a") + R"(,{"name":5,"asset":"x"})")),
             "bundle.files[1].name: expected a text, got number");
-  EXPECT_EQ(refused(bundle(R"({"bytes":5,)" + file("a").substr(1))),
+  EXPECT_EQ(manifest_refusal(bundle(R"({"bytes":5,)" + file("a").substr(1))),
             "bundle.files[0]: no such member: expected name, asset, got \"bytes\"");
-  EXPECT_EQ(refused(bundle(file("a", "sha256-5"))),
+  EXPECT_EQ(manifest_refusal(bundle(file("a", "sha256-5"))),
             "bundle.files[0].asset: expected the id of an uploaded asset, got \"sha256-5\"");
-  EXPECT_EQ(refused("{").substr(0, 26), "JSON: syntax error at byte");
+  EXPECT_EQ(manifest_refusal("{").substr(0, 26), "JSON: syntax error at byte");
 }
 
 TEST(BundleManifest, names_that_leave_the_bundle_are_refused) {
   for (const std::string name : {"", "/a", "../a", "a/../b", "a/..", "./a", "a//b", "a/", "c:/a",
                                  "a\\\\b", "a\\nb", "a\\u0000b"}) {
-    EXPECT_EQ(refused(bundle(file(name))).substr(0, 44),
+    EXPECT_EQ(manifest_refusal(bundle(file(name))).substr(0, 44),
               "bundle.files[0].name: expected a relative pa")
         << name;
   }
   EXPECT_TRUE(parse_bundle_manifest(bundle(file(std::string(255, 'n')))));
-  refused(bundle(file(std::string(256, 'n'))));
+  manifest_refusal(bundle(file(std::string(256, 'n'))));
   EXPECT_TRUE(parse_bundle_manifest(bundle(file("...a/b..c/.hidden"))));
 }
 
 TEST(BundleManifest, two_of_one_name_are_refused) {
-  EXPECT_EQ(refused(bundle(file("a/B.tga") + "," + file("A/b.TGA"))),
+  EXPECT_EQ(manifest_refusal(bundle(file("a/B.tga") + "," + file("A/b.TGA"))),
             "bundle.files[1].name: expected distinct names, also without regard to case, got "
             "\"A/b.TGA\" again");
 }
 
 TEST(BundleManifest, the_number_of_files_has_a_limit) {
-  EXPECT_EQ(refused(bundle("")), "bundle.files: expected 1 to 1000 files, got 0");
+  EXPECT_EQ(manifest_refusal(bundle("")), "bundle.files: expected 1 to 1000 files, got 0");
   std::string files = file("0");
   for (int i = 1; i < limits::kBundleEntriesMax; ++i) files += "," + file(std::to_string(i));
   EXPECT_EQ(parse_bundle_manifest(bundle(files))->size(), 1000u);
-  EXPECT_EQ(refused(bundle(files + "," + file("last"))),
+  EXPECT_EQ(manifest_refusal(bundle(files + "," + file("last"))),
             "bundle.files: expected 1 to 1000 files, got 1001");
 }
 

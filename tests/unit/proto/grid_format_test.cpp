@@ -53,7 +53,7 @@ Bytes two_tiles() {
   return bytes ? *bytes : Bytes();
 }
 
-std::string refusal(const Bytes& bytes) {
+std::string container_refusal(const Bytes& bytes) {
   const auto reader = GridReader::open(bytes);
   if (!reader) {
     EXPECT_EQ(reader.error().code, ErrorCode::kBadRequest);
@@ -68,7 +68,7 @@ std::string refusal(const Bytes& bytes) {
   return "";
 }
 
-void expect_round_trip(const GridHeader& header, const std::vector<SparseTile>& tiles) {
+void expect_container_round_trip(const GridHeader& header, const std::vector<SparseTile>& tiles) {
   const auto bytes = encode_grid(header, tiles);
   ASSERT_TRUE(bytes) << bytes.error().message();
   const auto reader = GridReader::open(*bytes);
@@ -100,8 +100,8 @@ TEST(GridFormat, random_grids_come_back_with_each_set_of_channels) {
                                      1 + test::below(random, 300)};
     const ChannelSet channels = channels_of_bits(seed);
     EXPECT_EQ(channel_bits(channels), seed);
-    expect_round_trip(header_of(dims, channels),
-                      test::tiles_of(test::random_voxels(random, dims, 3000), channels));
+    expect_container_round_trip(header_of(dims, channels),
+                                test::tiles_of(test::random_voxels(random, dims, 3000), channels));
   }
 }
 
@@ -117,7 +117,7 @@ TEST(GridFormat, full_nodes_come_back_with_each_set_of_channels_and_codec) {
     }
     GridHeader header = header_of({768, 2048, 512}, channels);
     if ((seed & 4) != 0) header.codecs.octree = Codec::kSmall;
-    expect_round_trip(header, tiles);
+    expect_container_round_trip(header, tiles);
   }
 }
 
@@ -155,12 +155,12 @@ TEST(GridFormat, a_full_tile_has_no_bricks_and_no_attribute_streams) {
   EXPECT_TRUE(*back == tile);
   Bytes smaller = *bytes;
   put(smaller, 16, 511);
-  EXPECT_EQ(refusal(smaller), "grid container, byte 0: a tile has voxels outside dims");
+  EXPECT_EQ(container_refusal(smaller), "grid container, byte 0: a tile has voxels outside dims");
 }
 
 TEST(GridFormat, an_empty_grid_and_the_largest_dims_come_back) {
-  expect_round_trip(header_of({1, 1, 1}, true, false), {});
-  expect_round_trip(
+  expect_container_round_trip(header_of({1, 1, 1}, true, false), {});
+  expect_container_round_trip(
       header_of({2048, 2048, 2048}, false, true),
       test::tiles_of({{{2047, 2047, 2047}, {}, {1, 2, 3}}, {{0, 0, 0}, {}, {}}}, false, true));
 }
@@ -260,20 +260,20 @@ TEST(GridFormat, the_byte_range_of_a_tile_is_its_data_and_ranges_follow_each_oth
 
 TEST(GridFormat, every_truncation_and_every_extra_byte_is_refused) {
   const Bytes bytes = two_tiles();
-  EXPECT_EQ(refusal(bytes), "");
+  EXPECT_EQ(container_refusal(bytes), "");
   for (size_t size = 0; size < bytes.size(); ++size) {
     const Bytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
-    EXPECT_NE(refusal(cut), "") << size;
+    EXPECT_NE(container_refusal(cut), "") << size;
   }
-  EXPECT_EQ(refusal({}),
+  EXPECT_EQ(container_refusal({}),
             "grid container, byte 0: the header is cut off: expected 128 bytes, got 0");
   Bytes longer = bytes;
   longer.push_back(0);
-  EXPECT_EQ(refusal(longer), "grid container, byte 96: length: expected " +
-                                 std::to_string(bytes.size()) + " bytes, got " +
-                                 std::to_string(longer.size()));
+  EXPECT_EQ(container_refusal(longer), "grid container, byte 96: length: expected " +
+                                           std::to_string(bytes.size()) + " bytes, got " +
+                                           std::to_string(longer.size()));
   put(longer, 96, uint64_t{longer.size()});
-  EXPECT_EQ(refusal(longer),
+  EXPECT_EQ(container_refusal(longer),
             "grid container, byte " + std::to_string(bytes.size()) + ": bytes after the last tile");
 }
 
@@ -287,7 +287,7 @@ void expect_refused(const std::vector<Corruption>& corruptions) {
   for (const auto& [change, text] : corruptions) {
     Bytes bytes = good;
     change(bytes);
-    EXPECT_EQ(refusal(bytes), "grid container, byte " + text);
+    EXPECT_EQ(container_refusal(bytes), "grid container, byte " + text);
   }
 }
 
@@ -362,9 +362,9 @@ TEST(GridFormat, every_field_of_the_directory_is_checked) {
 TEST(GridFormat, voxels_outside_dims_are_refused) {
   Bytes bytes = two_tiles();
   put(bytes, 16, 258);  // the box reaches to x = 258
-  EXPECT_EQ(refusal(bytes), "grid container, byte 0: a tile has voxels outside dims");
+  EXPECT_EQ(container_refusal(bytes), "grid container, byte 0: a tile has voxels outside dims");
   put(bytes, 16, 259);
-  EXPECT_EQ(refusal(bytes), "");
+  EXPECT_EQ(container_refusal(bytes), "");
 }
 
 TEST(GridFormat, attributes_of_another_length_than_the_voxels_need_are_refused) {
@@ -378,7 +378,8 @@ TEST(GridFormat, attributes_of_another_length_than_the_voxels_need_are_refused) 
               bytes.begin() + static_cast<std::ptrdiff_t>(at + color + normal));
   put(bytes, kDirectory + 36, normal);
   put(bytes, kDirectory + 40, color);
-  EXPECT_EQ(refusal(bytes), "grid container, attributes: their bytes: expected 24, got 18");
+  EXPECT_EQ(container_refusal(bytes),
+            "grid container, attributes: their bytes: expected 24, got 18");
 }
 
 TEST(GridFormat, a_flipped_byte_never_gives_more_than_a_refusal_or_another_grid) {
@@ -387,7 +388,7 @@ TEST(GridFormat, a_flipped_byte_never_gives_more_than_a_refusal_or_another_grid)
   for (size_t at = 0; at < good.size(); ++at) {
     Bytes bytes = good;
     bytes[at] = static_cast<uint8_t>(bytes[at] ^ (1 + test::below(random, 255)));
-    const std::string text = refusal(bytes);
+    const std::string text = container_refusal(bytes);
     EXPECT_TRUE(text.empty() || text.starts_with("grid container, ")) << text;
   }
 }

@@ -13,19 +13,11 @@
 
 #include "proto/messages/job_text.h"
 #include "proto/messages/json_writer.h"
+#include "tests/unit/proto/tied_members.h"
 
 namespace voxeld {
 
-// All members of a struct, for comparison. A member that is added to the struct but not here does
-// not compile.
-inline auto tied(const Error& e) {
-  const auto& [a, b, c, d] = e;
-  return std::tie(a, b, c, d);
-}
-inline auto tied(const Warning& w) {
-  const auto& [a, b] = w;
-  return std::tie(a, b);
-}
+// All members, as in tied_members.h.
 inline auto tied(const JobResult& r) {
   const auto& [a, b, c, d, e, f, g, h] = r;
   return std::tie(a, b, c, d, e, f, g, h);
@@ -40,19 +32,12 @@ inline auto tied(const JobStatus& s) {
   return std::tie(a1, a2, a3, a4, a5, a6, a7, a8, b1, b2, b3, b4, b5, b6, b7, b8, c1, c2, c3, c4,
                   c5, c6, c7, c8, d1, d2, d3, d4, d5, d6, d7);
 }
-template <typename Struct>
-requires requires(const Struct& s) {
-  tied(s);
-}
-bool operator==(const Struct& a, const Struct& b) {
-  return tied(a) == tied(b);
-}
 
 namespace {
 
 using Json = nlohmann::json;
 
-Error refused(std::string_view text) {
+Error job_refusal(std::string_view text) {
   const auto request = parse_job_request(Json::parse(text));
   EXPECT_FALSE(request) << text;
   return request ? Error{} : request.error();
@@ -137,16 +122,16 @@ TEST(JobRequest, each_kind_takes_its_input_and_the_options_of_its_scope) {
 }
 
 TEST(JobRequest, exactly_one_input_of_the_right_sort_is_needed) {
-  EXPECT_EQ(refused(R"({"kind":"voxelize"})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize"})").message(),
             "job: input of kind voxelize: expected asset, got none");
-  EXPECT_EQ(refused(R"({"kind":"voxelize","grid":"g"})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","grid":"g"})").message(),
             "job: input of kind voxelize: expected asset, got grid");
   EXPECT_EQ(
-      refused(R"({"kind":"render","asset":"a","grid":"g"})").message(),
+      job_refusal(R"({"kind":"render","asset":"a","grid":"g"})").message(),
       "job: input of kind render: expected one of asset, grid and sequence, got asset and grid");
-  EXPECT_EQ(refused(R"({"kind":"export","asset":"a"})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"export","asset":"a"})").message(),
             "job: input of kind export: expected either grid or sequence, got asset");
-  EXPECT_EQ(refused(R"({"kind":"inspect","grid":"g"})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"inspect","grid":"g"})").message(),
             "job: input of kind inspect: expected asset, got grid");
 }
 
@@ -157,51 +142,52 @@ TEST(JobRequest, options_of_a_mesh_that_is_still_to_come_are_those_of_an_asset) 
 }
 
 TEST(JobRequest, a_sequence_is_an_input_as_a_grid_is) {
-  EXPECT_EQ(refused(R"({"kind":"voxelize","sequence":"s"})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","sequence":"s"})").message(),
             "job: input of kind voxelize: expected asset, got sequence");
-  EXPECT_EQ(refused(R"({"kind":"export","grid":"g","sequence":"s"})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"export","grid":"g","sequence":"s"})").message(),
             "job: input of kind export: expected either grid or sequence, got grid and sequence");
-  EXPECT_EQ(refused(R"({"kind":"render","asset":"a","grid":"g","sequence":"s"})").got,
+  EXPECT_EQ(job_refusal(R"({"kind":"render","asset":"a","grid":"g","sequence":"s"})").got,
             "asset and grid and sequence");
 }
 
 TEST(JobRequest, frame_options_need_an_input_with_frames) {
-  EXPECT_EQ(refused(R"({"kind":"export","grid":"g","options":{"frames":"0..3"}})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"export","grid":"g","options":{"frames":"0..3"}})").message(),
             "frames: expected a sequence as input, got a grid");
-  EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"frame":1}})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"render","grid":"g","options":{"frame":1}})").message(),
             "frame: expected a sequence as input, got a grid");
   for (const char* image : {"gif", "apng", "sheet"}) {
-    EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"image":")" + std::string(image) +
-                      R"("}})")
+    EXPECT_EQ(job_refusal(R"({"kind":"render","grid":"g","options":{"image":")" +
+                          std::string(image) + R"("}})")
                   .message(),
               "image: expected png, or turntable with a grid as input, got a grid without "
               "turntable");
   }
-  EXPECT_EQ(refused(R"({"kind":"render","sequence":"s","options":{"image":"gif","turntable":9}})")
-                .message(),
-            "turntable: expected a grid as input, got a sequence");
+  EXPECT_EQ(
+      job_refusal(R"({"kind":"render","sequence":"s","options":{"image":"gif","turntable":9}})")
+          .message(),
+      "turntable: expected a grid as input, got a sequence");
 }
 
 TEST(JobRequest, members_are_checked_by_name_and_type) {
-  EXPECT_EQ(refused("[]").message(), "job: expected an object, got array");
+  EXPECT_EQ(job_refusal("[]").message(), "job: expected an object, got array");
   EXPECT_EQ(
-      refused(R"({"kind":"voxelize","asset":"a","size":5})").message(),
+      job_refusal(R"({"kind":"voxelize","asset":"a","size":5})").message(),
       "job: no such member: expected kind, asset, grid, sequence, filename, options, priority, "
       "deadline_ms, got \"size\"");
-  EXPECT_EQ(refused(R"({"kind":7})").message(), "job.kind: expected a text, got number");
-  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":null})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":7})").message(), "job.kind: expected a text, got number");
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","asset":null})").message(),
             "job.asset: expected a text, got null");
-  EXPECT_EQ(refused(R"({"kind":"sculpt"})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"sculpt"})").message(),
             "job.kind: expected voxelize | render | export | inspect, got \"sculpt\"");
-  EXPECT_EQ(refused(R"({})").message(), "job.kind: expected a value, got nothing");
-  EXPECT_EQ(refused(R"({"knd":"voxelize","asset":"a"})").message(),
+  EXPECT_EQ(job_refusal(R"({})").message(), "job.kind: expected a value, got nothing");
+  EXPECT_EQ(job_refusal(R"({"knd":"voxelize","asset":"a"})").message(),
             "job: no such member: expected kind, asset, grid, sequence, filename, options, "
             "priority, deadline_ms, got \"knd\"");
-  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":[]})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","asset":"a","options":[]})").message(),
             "options: expected an object, got array");
-  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":{"size":0}})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","asset":"a","options":{"size":0}})").message(),
             "size: expected an integer from 1 to 16384, got \"0\"");
-  EXPECT_EQ(refused(R"({"kind":"export","grid":"g","options":{"size":5}})").code,
+  EXPECT_EQ(job_refusal(R"({"kind":"export","grid":"g","options":{"size":5}})").code,
             ErrorCode::kUnknownOption);
 }
 
@@ -214,11 +200,11 @@ TEST(JobRequest, priority_and_deadline_outside_their_ranges_are_refused) {
   const auto plain = parse_job_request(Json::parse(R"({"kind":"voxelize","asset":"a"})"));
   EXPECT_FALSE(plain->priority);
   EXPECT_FALSE(plain->deadline_ms);
-  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","priority":101})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","asset":"a","priority":101})").message(),
             "priority: expected -100 to 100, got 101");
-  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","deadline_ms":0})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","asset":"a","deadline_ms":0})").message(),
             "deadline_ms: expected 1 to 31622400000 milliseconds from now, got 0");
-  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","priority":1.5})").message(),
+  EXPECT_EQ(job_refusal(R"({"kind":"voxelize","asset":"a","priority":1.5})").message(),
             "job.priority: expected an integer, got number");
 }
 

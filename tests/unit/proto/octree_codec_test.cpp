@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 #include <string>
 
@@ -16,7 +17,7 @@ SparseTile one_tile(const std::vector<test::TestVoxel>& voxels) {
   return tiles[0];
 }
 
-void expect_round_trip(const SparseTile& tile, bool has_attributes = false) {
+void expect_octree_round_trip(const SparseTile& tile, bool has_attributes = false) {
   const auto octree = octree_from_tile(tile);
   SparseTile back;
   back.coord = tile.coord;
@@ -25,7 +26,7 @@ void expect_round_trip(const SparseTile& tile, bool has_attributes = false) {
   EXPECT_TRUE(back == tile);
 }
 
-std::string refusal(std::span<const uint8_t> octree) {
+std::string octree_refusal(std::span<const uint8_t> octree) {
   SparseTile tile;
   const Status status = tile_from_octree(octree, false, tile);
   EXPECT_FALSE(status);
@@ -38,7 +39,7 @@ TEST(OctreeCodec, a_single_voxel_is_one_mask_on_each_level) {
   const std::vector<uint8_t> expected = {1 << 1, 1 << 2, 1 << 4, 1 << 0,
                                          1 << 0, 1 << 0, 1 << 0, 1 << 7};
   EXPECT_EQ(octree_from_tile(tile), expected);
-  expect_round_trip(tile);
+  expect_octree_round_trip(tile);
 }
 
 TEST(OctreeCodec, voxels_in_opposite_corners_share_only_the_root) {
@@ -46,7 +47,7 @@ TEST(OctreeCodec, voxels_in_opposite_corners_share_only_the_root) {
   const std::vector<uint8_t> expected = {0x81, 1, 0x80, 1, 0x80, 1, 0x80, 1,
                                          0x80, 1, 0x80, 1, 0x80, 1, 0x80};
   EXPECT_EQ(octree_from_tile(tile), expected);
-  expect_round_trip(tile);
+  expect_octree_round_trip(tile);
 }
 
 SparseTile tile_of_full_masks() {
@@ -64,15 +65,15 @@ TEST(OctreeCodec, a_full_tile_with_attributes_has_all_nodes_and_the_largest_octr
   const auto octree = octree_from_tile(tile);
   EXPECT_EQ(octree.size(), kOctreeBytesMax);
   EXPECT_TRUE(std::ranges::all_of(octree, [](uint8_t mask) { return mask == 0xff; }));
-  expect_round_trip(tile, true);
-  EXPECT_EQ(refusal(octree), "grid container, octree: a full node is spelled out");
+  expect_octree_round_trip(tile, true);
+  EXPECT_EQ(octree_refusal(octree), "grid container, octree: a full node is spelled out");
 }
 
 TEST(OctreeCodec, a_full_tile_is_one_byte) {
   SparseTile tile;
   tile.full = {{0, 5}};
   EXPECT_EQ(octree_from_tile(tile), std::vector<uint8_t>{0});
-  expect_round_trip(tile);
+  expect_octree_round_trip(tile);
 }
 
 TEST(OctreeCodec, a_full_node_of_any_size_is_one_byte_among_its_siblings) {
@@ -84,7 +85,7 @@ TEST(OctreeCodec, a_full_node_of_any_size_is_one_byte_among_its_siblings) {
   tile.masks[0].words[0] = 1;
   const std::vector<uint8_t> expected = {0b110, 0, 1, 1, 1, 0b11, 0, 1, 1, 1};
   EXPECT_EQ(octree_from_tile(tile), expected);
-  expect_round_trip(tile);
+  expect_octree_round_trip(tile);
 }
 
 TEST(OctreeCodec, full_nodes_among_others_come_back) {
@@ -94,12 +95,12 @@ TEST(OctreeCodec, full_nodes_among_others_come_back) {
     const bool has_attributes = (seed & 1) != 0;
     SparseTile tile = test::tile_with_full_nodes(random, has_attributes, false);
     tile.color.clear();  // the octree does not hold it
-    expect_round_trip(tile, has_attributes);
+    expect_octree_round_trip(tile, has_attributes);
   }
 }
 
 TEST(OctreeCodec, eight_full_siblings_are_refused) {
-  EXPECT_EQ(refusal(std::vector<uint8_t>{0xff, 0, 0, 0, 0, 0, 0, 0, 0}),
+  EXPECT_EQ(octree_refusal(std::vector<uint8_t>{0xff, 0, 0, 0, 0, 0, 0, 0, 0}),
             "grid container, octree: a full node is spelled out");
 }
 
@@ -109,7 +110,7 @@ TEST(OctreeCodec, random_tiles_come_back) {
     std::mt19937 random(seed);
     const std::array<int, 3> dims = {1 + test::below(random, 256), 1 + test::below(random, 256),
                                      1 + test::below(random, 256)};
-    expect_round_trip(one_tile(test::random_voxels(random, dims, 1 << (seed % 14))));
+    expect_octree_round_trip(one_tile(test::random_voxels(random, dims, 1 << (seed % 14))));
   }
 }
 
@@ -117,13 +118,13 @@ TEST(OctreeCodec, every_truncation_and_every_extra_byte_is_refused) {
   std::mt19937 random(1);
   const auto octree = octree_from_tile(one_tile(test::random_voxels(random, {256, 256, 256}, 200)));
   for (size_t size = 0; size < octree.size(); ++size) {
-    const std::string text = refusal(std::span(octree).first(size));
+    const std::string text = octree_refusal(std::span(octree).first(size));
     EXPECT_NE(text.find("is cut off"), std::string::npos) << size << ": " << text;
   }
-  EXPECT_EQ(refusal({}), "grid container, octree: level 0 is cut off");
+  EXPECT_EQ(octree_refusal({}), "grid container, octree: level 0 is cut off");
   auto longer = octree;
   longer.push_back(1);
-  EXPECT_EQ(refusal(longer), "grid container, octree: bytes after the last level");
+  EXPECT_EQ(octree_refusal(longer), "grid container, octree: bytes after the last level");
 }
 
 TEST(OctreeCodec, a_zero_byte_where_no_full_node_can_be_is_refused) {
@@ -132,9 +133,10 @@ TEST(OctreeCodec, a_zero_byte_where_no_full_node_can_be_is_refused) {
     auto broken = octree;
     broken[level] = 0;
     // Down to the bricks it would be a full node, which has no children.
-    EXPECT_EQ(refusal(broken), level > 5 ? "grid container, octree: level " +
-                                               std::to_string(level) + " has an empty node"
-                                         : "grid container, octree: bytes after the last level");
+    EXPECT_EQ(octree_refusal(broken),
+              level > 5
+                  ? "grid container, octree: level " + std::to_string(level) + " has an empty node"
+                  : "grid container, octree: bytes after the last level");
   }
 }
 

@@ -29,7 +29,7 @@ SequenceManifest manifest() {
   m.meta_json = R"({"z":1,"animation":{"name":"walk","b":[1,2]},"a":"é"})";
   return m;
 }
-std::string refused(const Json& json) {
+std::string sequence_refusal(const Json& json) {
   const auto back = parse_sequence(json.dump());
   EXPECT_FALSE(back) << json.dump().substr(0, 200);
   if (back) return "";
@@ -94,58 +94,63 @@ TEST(SequenceManifest, the_longest_one_is_read) {
 
 TEST(SequenceManifest, every_member_must_be_there_and_no_other) {
   for (const char* name : {"dims", "origin", "voxel_size", "channels", "fps", "frames", "meta"}) {
-    EXPECT_EQ(refused(without("", name)),
+    EXPECT_EQ(sequence_refusal(without("", name)),
               "sequence." + std::string(name) + ": expected a value, got nothing");
   }
   for (const char* name : {"time_s", "grid", "voxel_count", "content_hash"}) {
-    EXPECT_EQ(refused(without("/frames/1", name)),
+    EXPECT_EQ(sequence_refusal(without("/frames/1", name)),
               "sequence.frames[1]." + std::string(name) + ": expected a value, got nothing");
   }
   EXPECT_EQ(
-      refused(with("/size", 5)),
+      sequence_refusal(with("/size", 5)),
       "sequence: no such member: expected dims, origin, voxel_size, channels, fps, frames, meta, "
       "got \"size\"");
   EXPECT_EQ(
-      refused(with("/frames/2/name", 5)),
+      sequence_refusal(with("/frames/2/name", 5)),
       "sequence.frames[2]: no such member: expected time_s, grid, voxel_count, content_hash, got "
       "\"name\"");
 }
 
 TEST(SequenceManifest, values_are_checked) {
   const std::string sides = "sequence.dims: expected three integers from 1 to 16384, got ";
-  EXPECT_EQ(refused(with("/dims/1", 0)), sides + "[3,0,16384]");
-  EXPECT_EQ(refused(with("/dims/1", 16385)), sides + "[3,16385,16384]");
-  EXPECT_EQ(refused(with("/dims/1", 1.5)), sides + "[3,1.5,16384]");
-  EXPECT_EQ(refused(with("/dims", 5)), sides + "number");
-  EXPECT_EQ(refused(with("/origin", {1, 2})), "sequence.origin: expected three numbers, got [1,2]");
-  EXPECT_EQ(refused(with("/voxel_size/0", 0)).substr(0, 54),
+  EXPECT_EQ(sequence_refusal(with("/dims/1", 0)), sides + "[3,0,16384]");
+  EXPECT_EQ(sequence_refusal(with("/dims/1", 16385)), sides + "[3,16385,16384]");
+  EXPECT_EQ(sequence_refusal(with("/dims/1", 1.5)), sides + "[3,1.5,16384]");
+  EXPECT_EQ(sequence_refusal(with("/dims", 5)), sides + "number");
+  EXPECT_EQ(sequence_refusal(with("/origin", {1, 2})),
+            "sequence.origin: expected three numbers, got [1,2]");
+  EXPECT_EQ(sequence_refusal(with("/voxel_size/0", 0)).substr(0, 54),
             "sequence.voxel_size: expected three positive numbers, ");
   const std::string channels =
       "sequence.channels: expected a list of color, normal, material, label, distance and "
       "coverage, in this order, got ";
-  EXPECT_EQ(refused(with("/channels", {"smell"})), channels + R"(["smell"])");
-  EXPECT_EQ(refused(with("/channels", {"color", "color"})), channels + R"(["color","color"])");
-  EXPECT_EQ(refused(with("/channels", {"normal", "color"})), channels + R"(["normal","color"])");
-  EXPECT_EQ(refused(with("/channels", {5})), channels + "[5]");
-  EXPECT_EQ(refused(with("/fps", -1)), "sequence.fps: expected frames per second, or 0, got -1");
-  EXPECT_EQ(refused(with("/fps", "24")),
+  EXPECT_EQ(sequence_refusal(with("/channels", {"smell"})), channels + R"(["smell"])");
+  EXPECT_EQ(sequence_refusal(with("/channels", {"color", "color"})),
+            channels + R"(["color","color"])");
+  EXPECT_EQ(sequence_refusal(with("/channels", {"normal", "color"})),
+            channels + R"(["normal","color"])");
+  EXPECT_EQ(sequence_refusal(with("/channels", {5})), channels + "[5]");
+  EXPECT_EQ(sequence_refusal(with("/fps", -1)),
+            "sequence.fps: expected frames per second, or 0, got -1");
+  EXPECT_EQ(sequence_refusal(with("/fps", "24")),
             "sequence.fps: expected frames per second, or 0, got string");
-  EXPECT_EQ(refused(with("/frames", Json::array())),
+  EXPECT_EQ(sequence_refusal(with("/frames", Json::array())),
             "sequence.frames: expected 1 to 4096 frames, got 0");
-  EXPECT_EQ(refused(with("/frames/1/time_s", 0)),
+  EXPECT_EQ(sequence_refusal(with("/frames/1/time_s", 0)),
             "sequence.frames[1].time_s: expected more than that of the frame before, got 0");
-  EXPECT_EQ(refused(with("/frames/0/time_s", -1)),
+  EXPECT_EQ(sequence_refusal(with("/frames/0/time_s", -1)),
             "sequence.frames[0].time_s: expected seconds from 0 on, got -1");
-  EXPECT_EQ(refused(with("/frames/2/grid", "sha256-5")),
+  EXPECT_EQ(sequence_refusal(with("/frames/2/grid", "sha256-5")),
             "sequence.frames[2].grid: expected the id of a grid, got sha256-5");
-  EXPECT_EQ(refused(with("/frames/2/grid", 5)),
+  EXPECT_EQ(sequence_refusal(with("/frames/2/grid", 5)),
             "sequence.frames[2].grid: expected a text, got number");
-  EXPECT_EQ(refused(with("/frames/2/voxel_count", -5)),
+  EXPECT_EQ(sequence_refusal(with("/frames/2/voxel_count", -5)),
             "sequence.frames[2].voxel_count: expected 0 or more, got -5");
-  EXPECT_EQ(refused(with("/frames/2/content_hash", "5")),
+  EXPECT_EQ(sequence_refusal(with("/frames/2/content_hash", "5")),
             "sequence.frames[2].content_hash: expected sha256- and 64 hex digits, got 5");
-  EXPECT_EQ(refused(with("/meta", Json::array())), "sequence.meta: expected an object, got array");
-  EXPECT_EQ(refused(Json::array()), "sequence: expected an object, got array");
+  EXPECT_EQ(sequence_refusal(with("/meta", Json::array())),
+            "sequence.meta: expected an object, got array");
+  EXPECT_EQ(sequence_refusal(Json::array()), "sequence: expected an object, got array");
 }
 
 TEST(SequenceManifest, every_truncation_is_refused) {

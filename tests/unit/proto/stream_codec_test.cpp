@@ -21,7 +21,7 @@ std::vector<uint8_t> compressed(std::span<const uint8_t> raw) {
   return stored ? *stored : std::vector<uint8_t>();
 }
 
-std::string refusal(std::span<const uint8_t> stored, size_t raw_max) {
+std::string stream_refusal(std::span<const uint8_t> stored, size_t raw_max) {
   const auto raw = decompress_stream(stored, raw_max);
   EXPECT_FALSE(raw);
   if (raw) return "";
@@ -49,22 +49,22 @@ TEST(StreamCodec, a_stream_carries_its_size_and_a_checksum) {
 TEST(StreamCodec, every_truncation_and_every_extra_byte_is_refused) {
   const auto stored = compressed(random_bytes(500, 3));
   for (size_t size = 0; size < stored.size(); ++size) {
-    const std::string text = refusal(std::span(stored).first(size), 500);
+    const std::string text = stream_refusal(std::span(stored).first(size), 500);
     EXPECT_TRUE(text.starts_with("grid container, stream: ")) << text;
   }
   auto longer = stored;
   longer.push_back(0);
-  refusal(longer, 500);
+  stream_refusal(longer, 500);
   longer = stored;
   longer.insert(longer.end(), stored.begin(), stored.end());
-  EXPECT_EQ(refusal(longer, 1000), "grid container, stream: bytes after the zstd frame");
+  EXPECT_EQ(stream_refusal(longer, 1000), "grid container, stream: bytes after the zstd frame");
 }
 
 TEST(StreamCodec, a_frame_that_says_more_than_its_place_needs_is_refused) {
   const std::vector<uint8_t> zeros(1 << 20);
   const auto bomb = compressed(zeros);
   EXPECT_LT(bomb.size(), 100u);
-  EXPECT_EQ(refusal(bomb, (1 << 20) - 1),
+  EXPECT_EQ(stream_refusal(bomb, (1 << 20) - 1),
             "grid container, stream: expected at most 1048575 bytes, got 1048576");
   EXPECT_TRUE(decompress_stream(bomb, 1 << 20));
 }
@@ -73,20 +73,21 @@ TEST(StreamCodec, a_frame_of_a_billion_billion_bytes_is_refused_by_its_declared_
   // Magic, descriptor with an 8-byte size and a single segment, size, one empty last block.
   const std::vector<uint8_t> bomb = {0x28, 0xb5, 0x2f, 0xfd, 0xe0, 0xff, 0xff, 0xff,
                                      0xff, 0xff, 0xff, 0xff, 0x0f, 0x01, 0x00, 0x00};
-  EXPECT_EQ(refusal(bomb, 4096),
+  EXPECT_EQ(stream_refusal(bomb, 4096),
             "grid container, stream: expected at most 4096 bytes, got 1152921504606846975");
 }
 
 TEST(StreamCodec, a_frame_without_its_size_is_refused) {
   // Magic, descriptor without a size, window of 1 KiB, one empty last block.
   const std::vector<uint8_t> frame = {0x28, 0xb5, 0x2f, 0xfd, 0x00, 0x00, 0x01, 0x00, 0x00};
-  EXPECT_EQ(refusal(frame, 4096), "grid container, stream: the zstd frame does not say its size");
+  EXPECT_EQ(stream_refusal(frame, 4096),
+            "grid container, stream: the zstd frame does not say its size");
 }
 
 TEST(StreamCodec, a_frame_that_holds_less_than_it_says_is_refused) {
   // Single segment, one byte of size: 5, one empty last block.
   const std::vector<uint8_t> frame = {0x28, 0xb5, 0x2f, 0xfd, 0x20, 0x05, 0x01, 0x00, 0x00};
-  const std::string text = refusal(frame, 4096);
+  const std::string text = stream_refusal(frame, 4096);
   EXPECT_TRUE(text.starts_with("grid container, stream: ")) << text;
 }
 

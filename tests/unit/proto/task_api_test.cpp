@@ -12,22 +12,14 @@
 #include <vector>
 
 #include "proto/messages/task_bounds.h"
+#include "tests/unit/proto/tied_members.h"
 
 namespace voxeld {
 
-// All members of a struct, for comparison. A member that is added to the struct but not here does
-// not compile.
-inline auto tied(const Error& e) {
-  const auto& [code, detail, expected, got] = e;
-  return std::tie(code, detail, expected, got);
-}
-inline auto tied(const Warning& w) {
-  const auto& [code, detail] = w;
-  return std::tie(code, detail);
-}
+// All members, as in tied_members.h.
 inline auto tied(const WorkerHello& h) {
-  const auto& [a, b, c, d, e, f, g] = h;
-  return std::tie(a, b, c, d, e, f, g);
+  const auto& [a, b, c, d, e, f, g, i] = h;
+  return std::tie(a, b, c, d, e, f, g, i);
 }
 inline auto tied(const WorkerFolders& f) {
   const auto& [a, b, c] = f;
@@ -97,13 +89,6 @@ inline auto tied(const SliceReply& r) {
   const auto& [a, b, c, d] = r;
   return std::tie(a, b, c, d);
 }
-template <typename Struct>
-requires requires(const Struct& s) {
-  tied(s);
-}
-bool operator==(const Struct& a, const Struct& b) {
-  return tied(a) == tied(b);
-}
 
 namespace {
 
@@ -111,7 +96,7 @@ using Json = nlohmann::json;
 
 // Each has another value than the default in every member.
 WorkerHello hello() {
-  return {3, 4711, "egl:0", "Example GPU", "4.6.0", R"({"limit":5})", "full"};
+  return {3, 4711, "egl:0", "Example GPU", "4.6.0", R"({"limit":5})", "full", "raster: touch"};
 }
 WorkerFolders folders() {
   return {"/s/out", "/s/in", "/s/cache"};
@@ -200,7 +185,7 @@ std::vector<Message> messages() {
 }
 
 template <typename Message>
-void expect_round_trip(const Message& full, Result<Message> (*parse)(const Json&)) {
+void expect_message_round_trip(const Message& full, Result<Message> (*parse)(const Json&)) {
   const Json json = to_json_message(full);
   SCOPED_TRACE(json.dump());
   const Message fresh{};
@@ -216,21 +201,21 @@ void expect_round_trip(const Message& full, Result<Message> (*parse)(const Json&
 }
 
 TEST(TaskApi, every_member_of_every_message_comes_back) {
-  expect_round_trip(hello(), parse_worker_hello);
-  expect_round_trip(folders(), parse_worker_folders);
-  expect_round_trip(task(), parse_task);
-  expect_round_trip(progress(), parse_task_progress);
-  expect_round_trip(TaskProgressReply{true, true, true}, parse_task_progress_reply);
-  expect_round_trip(frame(), parse_task_frame);
-  expect_round_trip(frame_reply(), parse_task_frame_reply);
-  expect_round_trip(part(), parse_task_part);
-  expect_round_trip(TaskPartReply{true, true, "storage-full"}, parse_task_part_reply);
-  expect_round_trip(completion(), parse_task_completion);
-  expect_round_trip(preempt(), parse_task_preempt);
-  expect_round_trip(failure(), parse_task_failure);
-  expect_round_trip(slices(), parse_slices_hello);
-  expect_round_trip(slice(), parse_slice_request);
-  expect_round_trip(slice_reply(), parse_slice_reply);
+  expect_message_round_trip(hello(), parse_worker_hello);
+  expect_message_round_trip(folders(), parse_worker_folders);
+  expect_message_round_trip(task(), parse_task);
+  expect_message_round_trip(progress(), parse_task_progress);
+  expect_message_round_trip(TaskProgressReply{true, true, true}, parse_task_progress_reply);
+  expect_message_round_trip(frame(), parse_task_frame);
+  expect_message_round_trip(frame_reply(), parse_task_frame_reply);
+  expect_message_round_trip(part(), parse_task_part);
+  expect_message_round_trip(TaskPartReply{true, true, "storage-full"}, parse_task_part_reply);
+  expect_message_round_trip(completion(), parse_task_completion);
+  expect_message_round_trip(preempt(), parse_task_preempt);
+  expect_message_round_trip(failure(), parse_task_failure);
+  expect_message_round_trip(slices(), parse_slices_hello);
+  expect_message_round_trip(slice(), parse_slice_request);
+  expect_message_round_trip(slice_reply(), parse_slice_reply);
 }
 
 TEST(TaskApi, the_action_of_a_time_slice_is_its_type) {
@@ -283,6 +268,8 @@ TEST(TaskApi, members_out_of_bounds_are_refused_by_their_name) {
        "hello.driver: expected at most 255 bytes, got 256"},
       {to_json_message(hello()), "/sandbox", name,
        "hello.sandbox: expected at most 255 bytes, got 256"},
+      {to_json_message(hello()), "/device_failure", std::string(6001, 'f'),
+       "hello.device_failure: expected at most 6000 bytes, got 6001"},
       {to_json_message(hello()), "/device_json", "[1]",
        "hello.device_json: expected an object, got array"},
       {to_json_message(progress()), "/stage", "nap",

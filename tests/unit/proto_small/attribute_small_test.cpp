@@ -52,7 +52,7 @@ SparseTile normal_shell() {
 }
 
 // Returns the bytes.
-std::vector<uint8_t> expect_round_trip(const SparseTile& tile, Channel channel) {
+std::vector<uint8_t> expect_channel_round_trip(const SparseTile& tile, Channel channel) {
   const auto bytes = encode_channel_small(tile, channel);
   SparseTile back = tile;
   set_channel_bytes(back, channel, {});
@@ -62,10 +62,10 @@ std::vector<uint8_t> expect_round_trip(const SparseTile& tile, Channel channel) 
   return bytes;
 }
 std::vector<uint8_t> expect_color_round_trip(const SparseTile& tile) {
-  return expect_round_trip(tile, Channel::kColor);
+  return expect_channel_round_trip(tile, Channel::kColor);
 }
 std::vector<uint8_t> expect_normal_round_trip(const SparseTile& tile) {
-  return expect_round_trip(tile, Channel::kNormal);
+  return expect_channel_round_trip(tile, Channel::kNormal);
 }
 
 std::string color_refusal(std::span<const uint8_t> bytes, SparseTile tile) {
@@ -157,16 +157,16 @@ TEST(AttributeSmall, smooth_normals_cost_less_than_two_thirds_of_codec_fast) {
 
 TEST(AttributeSmall, ids_in_patches_cost_next_to_nothing) {
   const SparseTile tile = measured_shell();
-  const size_t bytes = expect_round_trip(tile, Channel::kLabel).size();
+  const size_t bytes = expect_channel_round_trip(tile, Channel::kLabel).size();
   EXPECT_LT(50 * bytes, tile.label.size()) << bytes;  // 0.16 bits each
   EXPECT_LT(4 * bytes, fast_bytes(tile, Channel::kLabel));
 }
 
 TEST(AttributeSmall, distances_cost_less_than_a_third_and_coverage_less_than_codec_fast) {
   const SparseTile tile = measured_shell();
-  EXPECT_LT(3 * expect_round_trip(tile, Channel::kDistance).size(),
+  EXPECT_LT(3 * expect_channel_round_trip(tile, Channel::kDistance).size(),
             fast_bytes(tile, Channel::kDistance));
-  EXPECT_LT(expect_round_trip(tile, Channel::kCoverage).size(),
+  EXPECT_LT(expect_channel_round_trip(tile, Channel::kCoverage).size(),
             fast_bytes(tile, Channel::kCoverage));
 }
 
@@ -178,8 +178,8 @@ TEST(AttributeSmall, differences_of_16_bits_wrap_around) {
     tile.distance.push_back(static_cast<int16_t>(kExtreme[random() % kExtreme.size()]));
     tile.material.push_back(static_cast<uint16_t>(tile.distance.back()));
   }
-  expect_round_trip(tile, Channel::kDistance);
-  expect_round_trip(tile, Channel::kMaterial);
+  expect_channel_round_trip(tile, Channel::kDistance);
+  expect_channel_round_trip(tile, Channel::kMaterial);
 }
 
 TEST(AttributeSmall, random_samples_of_every_channel_come_back_and_hardly_grow) {
@@ -187,7 +187,7 @@ TEST(AttributeSmall, random_samples_of_every_channel_come_back_and_hardly_grow) 
   const SparseTile tile = test::tile_with_full_nodes(random, kAll);
   for (const ChannelInfo& info : kChannels) {
     SCOPED_TRACE(info.name);
-    EXPECT_LT(static_cast<double>(expect_round_trip(tile, info.channel).size()),
+    EXPECT_LT(static_cast<double>(expect_channel_round_trip(tile, info.channel).size()),
               1.15 * static_cast<double>(channel_bytes(tile, info.channel).size()) + 100);
   }
 }

@@ -55,12 +55,12 @@ TEST(DetectFormat, bytes_that_prove_a_format_win_over_the_extension) {
 TEST(DetectFormat, other_bytes_are_refused_with_the_formats_that_are_read) {
   EXPECT_EQ(detected("a.fbx", "Kaydara FBX Binary  \x00"),
             "a.fbx: not a format that voxeld reads: expected obj, ply, stl, off, gltf, glb, "
-            "md5mesh, or a zip "
-            "of one of them with its files, got first bytes \"Kaydara FBX Bina\"");
+            "md5mesh, 3mf, a zip of one of them with its files, or voxels: voxg, vox, binvox, npy, "
+            "nrrd, got first bytes \"Kaydara FBX Bina\"");
   EXPECT_EQ(detected("", ""),
             "the upload: not a format that voxeld reads: expected obj, ply, stl, off, gltf, glb, "
-            "md5mesh, or "
-            "a zip of one of them with its files, got no bytes");
+            "md5mesh, 3mf, a zip of one of them with its files, or voxels: voxg, vox, binvox, npy, "
+            "nrrd, got no bytes");
   for (const char* text : {"hello world", "{\"a\": 1}", "v one two three\n", "v 1 2\n", "plywood\n",
                            "XOFF\n", "solidarity\n", "\n\n"}) {
     const auto format = detect_format("", bytes_of(text));

@@ -12,7 +12,7 @@ using test::load_text;
 using test::message_of;
 using test::ZipMaker;
 
-constexpr char kTriangle[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+constexpr char kObjTriangle[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 constexpr char kOff[] = "OFF\n3 1 0\n0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n";
 
 TEST(LoadScene, finds_the_only_mesh_of_a_zip_among_other_files) {
@@ -20,7 +20,7 @@ TEST(LoadScene, finds_the_only_mesh_of_a_zip_among_other_files) {
                               .add("__MACOSX/._a.obj", "junk")
                               .add(".hidden/b.obj", "junk")
                               .add("readme.txt", "hello")
-                              .add("sub/a.obj", kTriangle)
+                              .add("sub/a.obj", kObjTriangle)
                               .bytes();
   const auto scene = load_text("bundle.zip", zip);
   ASSERT_TRUE(scene) << scene.error().message();
@@ -29,7 +29,7 @@ TEST(LoadScene, finds_the_only_mesh_of_a_zip_among_other_files) {
 }
 
 TEST(LoadScene, several_meshes_are_an_error_that_lists_them) {
-  const std::string zip = ZipMaker().add("a.obj", kTriangle).add("sub/b.off", kOff).bytes();
+  const std::string zip = ZipMaker().add("a.obj", kObjTriangle).add("sub/b.off", kOff).bytes();
   const auto scene = load_text("two.zip", zip);
   ASSERT_FALSE(scene);
   EXPECT_EQ(scene.error().code, ErrorCode::kMalformedBundle);
@@ -39,7 +39,7 @@ TEST(LoadScene, several_meshes_are_an_error_that_lists_them) {
 }
 
 TEST(LoadScene, the_name_after_an_exclamation_mark_chooses) {
-  const std::string zip = ZipMaker().add("a.obj", kTriangle).add("sub/b.off", kOff).bytes();
+  const std::string zip = ZipMaker().add("a.obj", kObjTriangle).add("sub/b.off", kOff).bytes();
   EXPECT_EQ(load_text("two.zip!sub/b.off", zip)->format, "off");
   EXPECT_EQ(load_text("two.zip!A.OBJ", zip)->format, "obj");
   EXPECT_EQ(message_of(load_text("two.zip!c.obj", zip)),
@@ -59,13 +59,13 @@ TEST(LoadScene, the_error_of_a_zip_without_a_mesh_lists_its_files) {
 }
 
 TEST(LoadScene, a_zip_inside_a_zip_is_refused) {
-  const std::string inner = ZipMaker().add("a.obj", kTriangle).bytes();
+  const std::string inner = ZipMaker().add("a.obj", kObjTriangle).bytes();
   EXPECT_EQ(message_of(load_text("x.zip", ZipMaker().add("a.obj", inner).bytes())),
             "a.obj: a zip inside a zip: expected a mesh, got a zip");
 }
 
 TEST(LoadScene, a_file_that_is_named_zip_but_is_none_is_refused) {
-  EXPECT_EQ(message_of(load_text("x.zip", kTriangle)),
+  EXPECT_EQ(message_of(load_text("x.zip", kObjTriangle)),
             "zip: no end record: truncated, or not a zip");
 }
 
@@ -88,7 +88,7 @@ TEST(Scene, bounds_are_those_of_the_vertices_that_triangles_use) {
 }
 
 TEST(FilesBundle, files_of_several_uploads_load_as_a_zip_of_them_does) {
-  const std::string mesh = "mtllib a.mtl\n" + std::string(kTriangle);
+  const std::string mesh = "mtllib a.mtl\n" + std::string(kObjTriangle);
   const auto bundle = files_bundle(
       {{"models/a.obj", test::bytes_of(mesh)}, {"a.mtl", test::bytes_of("newmtl x\nKd 1 0 0\n")}});
   ASSERT_EQ(bundle->entries().size(), 2u);
@@ -102,7 +102,7 @@ TEST(FilesBundle, files_of_several_uploads_load_as_a_zip_of_them_does) {
 
 TEST(FilesBundle, several_meshes_are_chosen_from_by_name) {
   const auto bundle =
-      files_bundle({{"a.obj", test::bytes_of(kTriangle)}, {"b.off", test::bytes_of(kOff)}});
+      files_bundle({{"a.obj", test::bytes_of(kObjTriangle)}, {"b.off", test::bytes_of(kOff)}});
   EXPECT_EQ(message_of(load_scene("two", *bundle)),
             "two: several meshes in the bundle: expected one, or its choice by "
             "filename=two!a.obj, got a.obj, b.off");

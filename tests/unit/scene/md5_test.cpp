@@ -23,7 +23,7 @@ std::string mesh_file(const std::string& mesh, const std::string& joints =
          "}\nmesh {\n" + mesh + "}\n";
 }
 
-const std::string kTriangle =
+const std::string kMd5Triangle =
     "shader \"skin\"\nnumverts 3\n"
     "vert 0 ( 0 0 ) 0 1\nvert 1 ( 1 0 ) 1 1\nvert 2 ( 0 1 ) 2 2\n"
     "numtris 1\ntri 0 0 1 2\nnumweights 4\n"
@@ -39,7 +39,7 @@ void expect_near(const glm::dvec3& a, const glm::dvec3& b) {
 }
 
 TEST(Md5Mesh, vertices_are_weighted_places_in_turned_joints) {
-  const auto mesh = parse_md5_mesh("a.md5mesh", mesh_file(kTriangle));
+  const auto mesh = parse_md5_mesh("a.md5mesh", mesh_file(kMd5Triangle));
   ASSERT_TRUE(mesh) << mesh.error().message();
   ASSERT_EQ(mesh->joints.size(), 2u);
   EXPECT_EQ(mesh->joints[1].name, "arm");
@@ -53,7 +53,7 @@ TEST(Md5Mesh, vertices_are_weighted_places_in_turned_joints) {
 }
 
 TEST(Md5Mesh, comments_blanks_and_quotes_are_taken_as_the_game_takes_them) {
-  const auto plain = parse_md5_mesh("a.md5mesh", mesh_file(kTriangle));
+  const auto plain = parse_md5_mesh("a.md5mesh", mesh_file(kMd5Triangle));
   const auto odd = parse_md5_mesh(
       "b.md5mesh",
       "/* a\n b */MD5Version//x\r\n10 commandline \"c:\\dir\\ -x\"\r\nnumMeshes\t1\r\n"
@@ -71,7 +71,7 @@ TEST(Md5Mesh, comments_blanks_and_quotes_are_taken_as_the_game_takes_them) {
 }
 
 TEST(Md5Mesh, the_textbook_keywords_are_read) {
-  std::string text = mesh_file(kTriangle);
+  std::string text = mesh_file(kMd5Triangle);
   for (const auto& [from, to] : {std::pair{"numJoints", "numberOfJoints"},
                                  {"numMeshes", "numberOfMeshes"},
                                  {"numtris", "numberOfTriangles"},
@@ -84,7 +84,7 @@ TEST(Md5Mesh, the_textbook_keywords_are_read) {
 }
 
 TEST(Md5Mesh, numbers_put_entries_in_order_where_each_is_there_once) {
-  std::string text = mesh_file(kTriangle);
+  std::string text = mesh_file(kMd5Triangle);
   const auto sorted = parse_md5_mesh("a.md5mesh", text);
   const std::string first = "vert 0 ( 0 0 ) 0 1\n", second = "vert 1 ( 1 0 ) 1 1\n";
   text.replace(text.find(first), first.size() + second.size(), second + first);
@@ -102,7 +102,7 @@ TEST(Md5Mesh, numbers_put_entries_in_order_where_each_is_there_once) {
 }
 
 TEST(Md5Mesh, counts_at_the_head_may_lie) {
-  std::string text = mesh_file(kTriangle);
+  std::string text = mesh_file(kMd5Triangle);
   text.replace(text.find("numJoints 2"), 11, "numJoints 7");
   text.replace(text.find("numMeshes 1"), 11, "numMeshes 0");
   const auto mesh = parse_md5_mesh("a.md5mesh", text);
@@ -114,7 +114,7 @@ TEST(Md5Mesh, counts_at_the_head_may_lie) {
 
 TEST(Md5Mesh, each_error_names_its_line) {
   const auto with = [](const std::string& from, const std::string& to) {
-    std::string text = mesh_file(kTriangle);
+    std::string text = mesh_file(kMd5Triangle);
     const size_t at = text.find(from);
     EXPECT_NE(at, text.npos) << from;
     return mesh_message(text.replace(at, from.size(), to));
@@ -304,7 +304,7 @@ TEST(Md5Materials, shaders_find_files_by_material_extension_and_base_name) {
 }
 
 TEST(Md5Scene, stands_up_and_faces_outwards) {
-  const auto scene = test::load_text("a.md5mesh", mesh_file(kTriangle));
+  const auto scene = test::load_text("a.md5mesh", mesh_file(kMd5Triangle));
   ASSERT_TRUE(scene) << scene.error().message();
   test::expect_consistent(*scene);
   EXPECT_EQ(scene->format, "md5mesh");
@@ -326,7 +326,7 @@ TEST(Md5Scene, stands_up_and_faces_outwards) {
 TEST(Md5Scene, the_only_image_of_a_zip_is_taken_where_no_shader_finds_one) {
   const auto with = [](const std::vector<const char*>& images) {
     test::ZipMaker zip;
-    zip.add("a.md5mesh", mesh_file(kTriangle));
+    zip.add("a.md5mesh", mesh_file(kMd5Triangle));
     for (const char* image : images) zip.add(image, "x");
     const std::string bytes = zip.add("__MACOSX/._t.png", "").bytes();
     auto scene = test::load_text("a.zip", bytes);
@@ -352,7 +352,7 @@ TEST(Md5Scene, the_only_image_of_a_zip_is_taken_where_no_shader_finds_one) {
 }
 
 TEST(Md5Scene, the_first_word_identifies_a_mesh_and_an_animation_is_not_one) {
-  EXPECT_TRUE(test::load_text("", mesh_file(kTriangle)));
+  EXPECT_TRUE(test::load_text("", mesh_file(kMd5Triangle)));
   const std::string anim = anim_file(kFrames);
   const std::string as_textbook =
       std::string(anim).replace(anim.find("numFrames"), 9, "numberOfFrames");

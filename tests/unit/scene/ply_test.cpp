@@ -22,7 +22,7 @@ std::string ascii(std::string_view vertex_properties, std::string_view face_prop
 
 // A tetrahedron's base and a quad with every scalar type, colours, lists in front of and behind
 // what counts, and an element nobody knows.
-std::string binary(bool big_endian, std::string_view line_end = "\n") {
+std::string binary_ply(bool big_endian, std::string_view line_end = "\n") {
   std::string header =
       std::string("ply\nformat binary_") + (big_endian ? "big" : "little") +
       "_endian 1.0\ncomment hello\nelement camera 1\nproperty double fov\n"
@@ -57,7 +57,7 @@ std::string binary(bool big_endian, std::string_view line_end = "\n") {
 TEST(Ply, binary_of_both_orders_and_all_line_ends_is_the_same_mesh) {
   for (const bool big : {false, true}) {
     for (const char* line_end : {"\n", "\r\n", "\r"}) {
-      const auto scene = load_text("a.ply", binary(big, line_end));
+      const auto scene = load_text("a.ply", binary_ply(big, line_end));
       ASSERT_TRUE(scene) << scene.error().message();
       test::expect_consistent(*scene);
       EXPECT_EQ(scene->vertex_count(), 4u);
@@ -72,7 +72,7 @@ TEST(Ply, binary_of_both_orders_and_all_line_ends_is_the_same_mesh) {
 
 TEST(Ply, every_truncation_of_a_binary_file_is_refused) {
   for (const bool big : {false, true}) {
-    const std::string whole = binary(big);
+    const std::string whole = binary_ply(big);
     test::expect_truncations_survive("a.ply", whole);
     for (size_t size = 0; size < whole.size(); ++size) {
       EXPECT_FALSE(load_text("a.ply", whole.substr(0, size))) << size;

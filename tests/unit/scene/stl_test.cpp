@@ -20,7 +20,7 @@ struct Facet {
 constexpr Facet kLeft = {{0, 0, 0, 1, 0, 0, 0, 1, 0}};
 constexpr Facet kRight = {{1, 0, 0, 1, 1, 0, -0.0f, 1, 0}};
 
-std::string binary(const std::vector<Facet>& facets, std::string header = "") {
+std::string stl_of(const std::vector<Facet>& facets, std::string header = "") {
   header.resize(80);
   ByteWriter w;
   w.text(header).add(static_cast<uint32_t>(facets.size()));
@@ -38,7 +38,7 @@ Facet colored(Facet facet, uint16_t attribute) {
 }
 
 TEST(Stl, binary_vertices_are_welded) {
-  const auto scene = load_text("a.stl", binary({kLeft, kRight}));
+  const auto scene = load_text("a.stl", stl_of({kLeft, kRight}));
   ASSERT_TRUE(scene) << scene.error().message();
   test::expect_consistent(*scene);
   EXPECT_EQ(scene->vertex_count(), 4u) << "-0 and 0 are one place";
@@ -48,11 +48,11 @@ TEST(Stl, binary_vertices_are_welded) {
 }
 
 TEST(Stl, a_header_that_begins_with_solid_may_be_binary) {
-  EXPECT_EQ(load_text("a.stl", binary({kLeft}, "solid by SomeCAD"))->triangle_count(), 1u);
+  EXPECT_EQ(load_text("a.stl", stl_of({kLeft}, "solid by SomeCAD"))->triangle_count(), 1u);
 }
 
 TEST(Stl, trailing_bytes_are_a_warning) {
-  const auto scene = load_text("a.stl", binary({kLeft}) + "xyz");
+  const auto scene = load_text("a.stl", stl_of({kLeft}) + "xyz");
   ASSERT_TRUE(scene) << scene.error().message();
   ASSERT_EQ(scene->warnings.size(), 1u);
   EXPECT_EQ(scene->warnings[0].detail, "a.stl: 3 bytes after the last triangle were left out");
@@ -60,7 +60,7 @@ TEST(Stl, trailing_bytes_are_a_warning) {
 
 TEST(Stl, viscam_colours_are_bgr_with_the_top_bit) {
   const auto scene =
-      load_text("a.stl", binary({colored(kLeft, 0x8000 | 31 << 10), colored(kRight, 31)}));
+      load_text("a.stl", stl_of({colored(kLeft, 0x8000 | 31 << 10), colored(kRight, 31)}));
   ASSERT_TRUE(scene) << scene.error().message();
   test::expect_consistent(*scene);
   const MeshPart& part = scene->parts[0];
@@ -71,7 +71,7 @@ TEST(Stl, viscam_colours_are_bgr_with_the_top_bit) {
 
 TEST(Stl, magics_colours_are_rgb_without_the_top_bit) {
   const auto scene =
-      load_text("a.stl", binary({colored(kLeft, 31), colored(kRight, 0x8000)},
+      load_text("a.stl", stl_of({colored(kLeft, 31), colored(kRight, 0x8000)},
                                 "COLOR=" + std::string("\x00\xff\x00\xff", 4) + ",MATERIAL="));
   ASSERT_TRUE(scene) << scene.error().message();
   const MeshPart& part = scene->parts[0];
@@ -114,7 +114,7 @@ TEST(Stl, text_and_binary_of_one_mesh_are_the_same_vertices) {
   const auto text = load_text("a.stl",
                               "solid\nfacet normal 0 0 1 outer loop vertex 0.1 0 0 vertex 1 0 0 "
                               "vertex 0 0.3333333333 0 endloop endfacet endsolid");
-  const auto bytes = load_text("a.stl", binary({{{0.1f, 0, 0, 1, 0, 0, 0, 0.3333333333f, 0}}}));
+  const auto bytes = load_text("a.stl", stl_of({{{0.1f, 0, 0, 1, 0, 0, 0, 0.3333333333f, 0}}}));
   ASSERT_TRUE(text) << text.error().message();
   ASSERT_TRUE(bytes) << bytes.error().message();
   EXPECT_EQ(text->parts[0].positions, bytes->parts[0].positions);
@@ -122,9 +122,9 @@ TEST(Stl, text_and_binary_of_one_mesh_are_the_same_vertices) {
 
 TEST(Stl, mistakes_are_reported) {
   constexpr Facet kNan = {{0, 0, 0, 1, std::numeric_limits<float>::infinity(), 0, 0, 1, 0}};
-  std::string huge = binary({kLeft});
+  std::string huge = stl_of({kLeft});
   huge.replace(80, 4, "\xff\xff\xff\xff");
-  std::string lying = binary({kLeft});
+  std::string lying = stl_of({kLeft});
   lying[80] = 9;
   const std::pair<std::string, const char*> cases[] = {
       {"",
@@ -144,13 +144,13 @@ TEST(Stl, mistakes_are_reported) {
        "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
        "number of triangles, got 183 bytes that begin with "
        "\"\\x89PNG\\x0d\\x0a\\x1a\\x0a\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\""},
-      {binary({}), "a.stl: the mesh is empty: expected at least one triangle, got no triangles"},
+      {stl_of({}), "a.stl: the mesh is empty: expected at least one triangle, got no triangles"},
       {lying, "a.stl byte 80: truncated: 9 triangles declared: expected 534 bytes, got 134"},
       {huge,
        "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
        "number of triangles, got 134 bytes that begin with "
        "\"\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\""},
-      {binary({kLeft, kNan}),
+      {stl_of({kLeft, kNan}),
        "a.stl triangle 1: vertex coordinate: expected a finite number up to 1e30, got inf"},
       {"solid x\nendsolid x\n",
        "a.stl: the mesh is empty: expected at least one triangle, got no facets"},
@@ -172,11 +172,11 @@ TEST(Stl, mistakes_are_reported) {
 }
 
 TEST(Stl, every_truncation_is_an_error_or_a_mesh) {
-  test::expect_truncations_survive("a.stl", binary({kLeft, colored(kRight, 0x8001)}));
+  test::expect_truncations_survive("a.stl", stl_of({kLeft, colored(kRight, 0x8001)}));
   test::expect_truncations_survive("a.stl",
                                    "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n"
                                    "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n");
-  const std::string whole = binary({kLeft, kRight});
+  const std::string whole = stl_of({kLeft, kRight});
   for (size_t size = 0; size < whole.size(); ++size) {
     EXPECT_FALSE(load_text("a.stl", whole.substr(0, size))) << size;
   }

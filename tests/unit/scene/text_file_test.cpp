@@ -10,7 +10,7 @@ namespace voxeld {
 namespace {
 
 // One square or triangle in each format that is text.
-const std::pair<const char*, std::string> kFiles[] = {
+const std::pair<const char*, std::string> kTextFiles[] = {
     {"a.obj", "# a square\nv 0 0 0\nv 1 0 \\\n0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"},
     {"a.off",
      "OFF\n# a square\n4 1 0\n0 0 0 255 0 0\n1 0 0 0 0 0\n1 1 0 0 0 0\n0 1 0 0 0 0\n"
@@ -60,7 +60,7 @@ const std::pair<const char*, Rewrite> kRewrites[] = {
      [](const std::string& text) { return text.substr(0, text.size() - 1) + '\0'; }}};
 
 TEST(TextFile, every_format_is_read_whatever_its_marks_and_line_ends) {
-  for (const auto& [name, text] : kFiles) {
+  for (const auto& [name, text] : kTextFiles) {
     const auto plain = test::load_text(name, text);
     ASSERT_TRUE(plain) << name << ": " << plain.error().message();
     for (const auto& [what, rewrite] : kRewrites) {
@@ -91,7 +91,8 @@ TEST(TextFile, material_files_are_read_whatever_their_marks_and_line_ends) {
     EXPECT_THAT(scene->warnings, testing::IsEmpty());
     const std::string zip =
         test::ZipMaker()
-            .add("a.md5mesh", replaced(kFiles[3].second, "numverts", "shader \"skin\"\nnumverts"))
+            .add("a.md5mesh",
+                 replaced(kTextFiles[3].second, "numverts", "shader \"skin\"\nnumverts"))
             .add("a.mtr", rewrite("skin\n{\ndiffusemap \xc3\xa9.png\n}\n"))
             .add(std::string(what).starts_with("UTF-16") ? "\xc3\x83\xc2\xa9.png" : "\xc3\xa9.png",
                  "")

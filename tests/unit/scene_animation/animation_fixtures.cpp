@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <glm/geometric.hpp>
 
@@ -304,6 +305,12 @@ AnimatedScene loaded(std::string_view filename, std::string_view bytes) {
 
 AnimatedScene loaded(const GltfBuilder& builder) {
   return loaded("a.gltf", builder.text());
+}
+
+FrameVertices frame_of(const AnimatedScene& animated, size_t animation, double seconds) {
+  auto frame = scene_at(animated, animation, seconds);
+  EXPECT_TRUE(frame.ok()) << frame.error().message();
+  return frame ? *std::move(frame) : FrameVertices();
 }
 
 void expect_frame(const FrameVertices& frame, const std::vector<reference::OraclePart>& expected) {

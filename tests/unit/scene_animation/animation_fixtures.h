@@ -32,6 +32,8 @@ GltfBuilder dancer();
 // Loads a file that must load.
 AnimatedScene loaded(std::string_view filename, std::string_view bytes);
 AnimatedScene loaded(const GltfBuilder& builder);
+// A frame that must be made.
+FrameVertices frame_of(const AnimatedScene& animated, size_t animation, double seconds);
 
 // Largest distances of positions and normals, vertex by vertex.
 void expect_frame(const FrameVertices& frame, const std::vector<reference::OraclePart>& expected);

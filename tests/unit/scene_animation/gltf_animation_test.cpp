@@ -8,16 +8,12 @@
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene_animation/animation_fixtures.h"
 
+#include <algorithm>
+
 namespace voxeld {
 namespace {
 
 using testing::ElementsAre;
-
-FrameVertices frame_of(const AnimatedScene& animated, size_t animation, double seconds) {
-  auto frame = scene_at(animated, animation, seconds);
-  EXPECT_TRUE(frame.ok()) << frame.error().message();
-  return frame ? *std::move(frame) : FrameVertices();
-}
 
 TEST(GltfAnimation, frames_are_those_of_the_oracle) {
   const GltfBuilder builder = dancer();

@@ -13,12 +13,6 @@ using testing::HasSubstr;
 
 constexpr double kTimes[] = {0.0, 0.031, 0.1, 0.15, 0.2501, 0.3};
 
-FrameVertices frame_of(const AnimatedScene& animated, size_t animation, double seconds) {
-  auto frame = scene_at(animated, animation, seconds);
-  EXPECT_TRUE(frame.ok()) << frame.error().message();
-  return frame ? *std::move(frame) : FrameVertices();
-}
-
 TEST(Md5Animation, frames_are_those_of_the_oracle) {
   const AnimatedScene puppet = loaded("puppet.zip", puppet_zip());
   const auto mesh = reference::read_md5_mesh(puppet_mesh());

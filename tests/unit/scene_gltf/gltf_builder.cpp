@@ -1,7 +1,5 @@
 #include "tests/unit/scene_gltf/gltf_builder.h"
 
-#include <cstring>
-
 namespace voxeld {
 namespace {
 
@@ -20,13 +18,6 @@ std::string hex_uri(const Bytes& bytes) {
     uri.append(1, '%').append(1, kHex[byte >> 4]).append(1, kHex[byte & 15]);
   }
   return uri;
-}
-
-template <typename T>
-Bytes bytes_of(const std::vector<T>& values) {
-  Bytes bytes(values.size() * sizeof(T));
-  if (!bytes.empty()) std::memcpy(bytes.data(), values.data(), bytes.size());
-  return bytes;
 }
 
 size_t components_of(std::string_view type) {

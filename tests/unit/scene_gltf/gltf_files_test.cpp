@@ -29,7 +29,7 @@ class FolderBundle : public Bundle {
   std::vector<Entry> entries_;
 };
 
-class GltfFiles : public testing::Test {
+class GltfFiles : public ::testing::Test {
  protected:
   void SetUp() override {
     const char* dir = std::getenv("VOXELD_DATA_DIR");

@@ -8,8 +8,8 @@
 namespace voxeld {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 // A triangle with a texture whose image is `image`.
 GltfBuilder textured(const Json& image) {

@@ -7,8 +7,8 @@
 namespace voxeld {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 MeshPart only_part(const Result<Scene>& scene) {
   EXPECT_EQ(outcome(scene), "ok");

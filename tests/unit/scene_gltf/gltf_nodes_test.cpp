@@ -10,7 +10,7 @@
 namespace voxeld {
 namespace {
 
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
 void expect_near(const glm::dvec3& got, const glm::dvec3& expected) {
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], 1e-12) << "component " << i;

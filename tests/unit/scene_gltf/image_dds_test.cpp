@@ -8,15 +8,9 @@
 namespace voxeld {
 namespace {
 
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
-Bytes pixels(const Bytes& bytes) {
-  const auto image = decode_image("a", bytes);
-  EXPECT_TRUE(image.ok()) << (image ? "" : image.error().message());
-  return image ? image->rgba : Bytes();
-}
-
-std::string error(const Bytes& bytes) {
+std::string dds_error(const Bytes& bytes) {
   const auto image = decode_image("a", bytes);
   if (image) return "ok";
   return std::string(info_of(image.error().code).name) + ": " + image.error().message();
@@ -144,13 +138,13 @@ TEST(Dds, every_truncation_is_refused) {
        {dds_of({.letters = "DXT1"}, kRedBlue),
         dds_of({.letters = "DX10", .dxgi = 77}, both(kRamp, kRedBlue)),
         dds_of({.flags = 0x40, .bits = 16, .masks = {0xf800, 0x7e0, 0x1f, 0}}, Bytes(32))}) {
-    EXPECT_EQ(error(dds), "ok");
+    EXPECT_EQ(dds_error(dds), "ok");
     for (size_t size = 0; size < dds.size(); ++size) {
       const Bytes cut(dds.begin(), dds.begin() + static_cast<ptrdiff_t>(size));
-      EXPECT_NE(error(cut), "ok") << size;
+      EXPECT_NE(dds_error(cut), "ok") << size;
     }
   }
-  EXPECT_EQ(error(dds_of({.letters = "DXT5"}, kRamp)),
+  EXPECT_EQ(dds_error(dds_of({.letters = "DXT5"}, kRamp)),
             "malformed-image: a: the image is cut off: expected at least 144 bytes, got 136 bytes");
 }
 
@@ -158,25 +152,26 @@ TEST(Dds, other_pixels_are_named) {
   const std::string begin =
       "unsupported-feature: a: pixels of the DDS: expected BC1 to BC5 without signs, or RGB, RGBA "
       "or grey of up to 8 bits a channel, got ";
-  EXPECT_EQ(error(dds_of({.letters = "DX10", .dxgi = 98}, Bytes(16))), begin + "BC7");
-  EXPECT_EQ(error(dds_of({.letters = "DX10", .dxgi = 95}, Bytes(16))), begin + "BC6H");
-  EXPECT_EQ(error(dds_of({.letters = "DX10", .dxgi = 84}, Bytes(16))), begin + "BC5 with signs");
-  EXPECT_EQ(error(dds_of({.letters = "DX10", .dxgi = 2}, Bytes(256))), begin + "DXGI format 2");
-  EXPECT_EQ(error(dds_of({.letters = "DX10", .dxgi = 28, .dimension = 4}, Bytes(64))),
+  EXPECT_EQ(dds_error(dds_of({.letters = "DX10", .dxgi = 98}, Bytes(16))), begin + "BC7");
+  EXPECT_EQ(dds_error(dds_of({.letters = "DX10", .dxgi = 95}, Bytes(16))), begin + "BC6H");
+  EXPECT_EQ(dds_error(dds_of({.letters = "DX10", .dxgi = 84}, Bytes(16))),
+            begin + "BC5 with signs");
+  EXPECT_EQ(dds_error(dds_of({.letters = "DX10", .dxgi = 2}, Bytes(256))), begin + "DXGI format 2");
+  EXPECT_EQ(dds_error(dds_of({.letters = "DX10", .dxgi = 28, .dimension = 4}, Bytes(64))),
             begin + "DXGI dimension 4");
-  EXPECT_EQ(error(dds_of({.letters = "BC4S"}, Bytes(8))), begin + "\"BC4S\"");
-  EXPECT_EQ(error(dds_of({.flags = 0x200, .bits = 16}, Bytes(32))), begin + "flags 512");
-  EXPECT_EQ(error(dds_of({.flags = 0x40, .bits = 12}, Bytes(32))), begin + "12 bits a pixel");
-  EXPECT_EQ(error(dds_of({.flags = 0x40, .bits = 32, .masks = {0x3ff, 0, 0, 0}}, Bytes(64))),
+  EXPECT_EQ(dds_error(dds_of({.letters = "BC4S"}, Bytes(8))), begin + "\"BC4S\"");
+  EXPECT_EQ(dds_error(dds_of({.flags = 0x200, .bits = 16}, Bytes(32))), begin + "flags 512");
+  EXPECT_EQ(dds_error(dds_of({.flags = 0x40, .bits = 12}, Bytes(32))), begin + "12 bits a pixel");
+  EXPECT_EQ(dds_error(dds_of({.flags = 0x40, .bits = 32, .masks = {0x3ff, 0, 0, 0}}, Bytes(64))),
             begin + "the mask 1023 in 32 bits");
-  EXPECT_EQ(error(dds_of({.flags = 0x40, .bits = 16, .masks = {0xff0000, 0, 0, 0}}, Bytes(32))),
+  EXPECT_EQ(dds_error(dds_of({.flags = 0x40, .bits = 16, .masks = {0xff0000, 0, 0, 0}}, Bytes(32))),
             begin + "the mask 16711680 in 16 bits");
   Bytes volume = dds_of({.letters = "DXT1"}, kRedBlue);
   volume[114] = 0x20;
-  EXPECT_EQ(error(volume), begin + "a volume");
+  EXPECT_EQ(dds_error(volume), begin + "a volume");
   Bytes header = dds_of({.letters = "DXT1"}, kRedBlue);
   header[4] = 1;
-  EXPECT_EQ(error(header),
+  EXPECT_EQ(dds_error(header),
             "malformed-image: a: the DDS header has other sizes than 124 and 32 bytes");
 }
 

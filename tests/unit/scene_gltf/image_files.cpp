@@ -1,10 +1,12 @@
 #include "tests/unit/scene_gltf/image_files.h"
 
 #include <gif_lib.h>
+#include <gtest/gtest.h>
 #include <png.h>
 #include <tiffio.h>
 #include <webp/encode.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -14,6 +16,7 @@
 
 #include "server/base/check.h"
 #include "server/base/file.h"
+#include "server/scene/images/image.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -289,6 +292,12 @@ std::vector<SampleFile> sample_files() {
        dds_of({.flags = 0x40, .bits = 24, .masks = {255, 0xff00, 0xff0000, 0}}, noise(48)), 16,
        decode_dds},
   };
+}
+
+Bytes pixels(const Bytes& file) {
+  const auto image = decode_image("a", file);
+  EXPECT_TRUE(image.ok()) << (image ? "" : image.error().message());
+  return image ? image->rgba : Bytes();
 }
 
 }  // namespace voxeld

@@ -78,4 +78,7 @@ struct SampleFile {
 };
 std::vector<SampleFile> sample_files();
 
+// The pixels that decode_image() reads from a file. A file that it refuses fails the test.
+Bytes pixels(const Bytes& file);
+
 }  // namespace voxeld

@@ -12,17 +12,11 @@
 namespace voxeld {
 namespace {
 
-using testing::ElementsAre;
-using testing::ElementsAreArray;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::ElementsAreArray;
+using ::testing::HasSubstr;
 
-Bytes pixels(const Bytes& bytes) {
-  const auto image = decode_image("a", bytes);
-  EXPECT_TRUE(image.ok()) << (image ? "" : image.error().message());
-  return image ? image->rgba : Bytes();
-}
-
-std::string error(const Bytes& bytes, PixelBudget* budget = nullptr) {
+std::string image_error(const Bytes& bytes, PixelBudget* budget = nullptr) {
   const auto image = decode_image("a", bytes, budget);
   if (image) return "ok";
   return std::string(info_of(image.error().code).name) + ": " + image.error().message();
@@ -34,7 +28,7 @@ constexpr const char* kTooLarge =
 
 TEST(ImageFormats, every_truncation_is_refused_or_has_all_pixels) {
   for (const SampleFile& sample : sample_files()) {
-    EXPECT_EQ(error(sample.bytes), "ok") << sample.name;
+    EXPECT_EQ(image_error(sample.bytes), "ok") << sample.name;
     for (size_t size = 0; size < sample.bytes.size(); ++size) {
       // A copy of that size, so that a sanitizer sees each byte that is read after its end.
       const Bytes cut(sample.bytes.begin(), sample.bytes.begin() + static_cast<ptrdiff_t>(size));
@@ -53,7 +47,7 @@ TEST(ImageFormats, missing_pixels_are_an_error) {
     const size_t less = ends_with_mark ? sample.bytes.size() / 3 : 1;
     Bytes cut = sample.bytes;
     cut.resize(cut.size() - less);
-    EXPECT_THAT(error(cut), HasSubstr("malformed-image: a: ")) << sample.name;
+    EXPECT_THAT(image_error(cut), HasSubstr("malformed-image: a: ")) << sample.name;
   }
 }
 
@@ -74,7 +68,7 @@ TEST(ImageFormats, a_spent_budget_refuses_every_format) {
   for (const SampleFile& sample : sample_files()) {
     PixelBudget budget;
     for (int i = 0; i < 4; ++i) EXPECT_TRUE(budget.take("b", 8192, 8192, size_t{1} << 33));
-    EXPECT_THAT(error(sample.bytes, &budget), HasSubstr("payload-too-large: a is left out: "))
+    EXPECT_THAT(image_error(sample.bytes, &budget), HasSubstr("payload-too-large: a is left out: "))
         << sample.name;
     EXPECT_TRUE(budget.is_spent());
   }
@@ -93,7 +87,7 @@ void put_le(Bytes& bytes, size_t at, uint32_t value, size_t count) {
 }
 
 TEST(ImageFormats, size_is_refused_before_pixels_in_every_format) {
-  EXPECT_EQ(error(png_of({.color_type = 0, .depth = 1}, 9000, 9000)), kTooLarge);
+  EXPECT_EQ(image_error(png_of({.color_type = 0, .depth = 1}, 9000, 9000)), kTooLarge);
 
   Bytes jpeg = jpeg_of({}, 24, 20);
   const Bytes frame = {0xff, 0xc0};
@@ -102,36 +96,36 @@ TEST(ImageFormats, size_is_refused_before_pixels_in_every_format) {
   const auto sides = found + 5;
   sides[0] = sides[2] = 9000 >> 8;
   sides[1] = sides[3] = 9000 & 255;
-  EXPECT_EQ(error(jpeg), kTooLarge);
+  EXPECT_EQ(image_error(jpeg), kTooLarge);
 
   Bytes webp = webp_of(noise(4 * 63), 9);
   const uint32_t sides_and_alpha = 8999u | 8999u << 14 | 1u << 28;
   put_le(webp, 21, sides_and_alpha, 4);
-  EXPECT_EQ(error(webp), kTooLarge);
+  EXPECT_EQ(image_error(webp), kTooLarge);
 
   Bytes tiff = tiff_of({}, 9, 7);
   const size_t directory = tiff[4] | size_t{tiff[5]} << 8;
   ASSERT_EQ(tiff[directory + 2], 0);  // tag 256, width; the next is the height
   put_le(tiff, directory + 2 + 8, 9000, 2);
   put_le(tiff, directory + 2 + 12 + 8, 9000, 2);
-  EXPECT_EQ(error(tiff), kTooLarge);
+  EXPECT_EQ(image_error(tiff), kTooLarge);
 
   Bytes gif = gif_of({}, noise(63), 9);
   put_le(gif, 6, 9000 | 9000u << 16, 4);
-  EXPECT_EQ(error(gif), kTooLarge);
+  EXPECT_EQ(image_error(gif), kTooLarge);
 
-  EXPECT_EQ(error(bmp_of(24, 9000, 9000, {})), kTooLarge);
-  EXPECT_EQ(error(bmp_of(24, 9000, -9000, {})), kTooLarge);
-  EXPECT_EQ(error(hdr_of("-Y 9000 +X 9000", {})), kTooLarge);
-  EXPECT_EQ(error(dds_of({.width = 9000, .height = 9000, .letters = "DXT1"}, {})), kTooLarge);
+  EXPECT_EQ(image_error(bmp_of(24, 9000, 9000, {})), kTooLarge);
+  EXPECT_EQ(image_error(bmp_of(24, 9000, -9000, {})), kTooLarge);
+  EXPECT_EQ(image_error(hdr_of("-Y 9000 +X 9000", {})), kTooLarge);
+  EXPECT_EQ(image_error(dds_of({.width = 9000, .height = 9000, .letters = "DXT1"}, {})), kTooLarge);
 }
 
 // The size of a real file, without its pixels.
 TEST(ImageFormats, a_small_file_cannot_ask_for_much_memory) {
-  EXPECT_EQ(error(bmp_of(32, 8192, 8192, noise(4))),
+  EXPECT_EQ(image_error(bmp_of(32, 8192, 8192, noise(4))),
             "malformed-image: a: the image is cut off: expected at least 268435510 bytes, got 58 "
             "bytes");
-  EXPECT_EQ(error(dds_of({.width = 8192, .height = 8192, .letters = "DXT1"}, noise(8))),
+  EXPECT_EQ(image_error(dds_of({.width = 8192, .height = 8192, .letters = "DXT1"}, noise(8))),
             "malformed-image: a: the image is cut off: expected at least 33554560 bytes, got 136 "
             "bytes");
 }
@@ -139,19 +133,19 @@ TEST(ImageFormats, a_small_file_cannot_ask_for_much_memory) {
 TEST(ImageFormats, errors_of_libraries_say_what_is_wrong) {
   Bytes png = png_of({}, 9, 7);
   png.resize(60);
-  EXPECT_EQ(error(png), "malformed-image: a: the image is cut off");
+  EXPECT_EQ(image_error(png), "malformed-image: a: the image is cut off");
   png = png_of({}, 9, 7);
   png[20] ^= 1;
-  EXPECT_EQ(error(png), "malformed-image: a: IHDR: CRC error");
+  EXPECT_EQ(image_error(png), "malformed-image: a: IHDR: CRC error");
   Bytes jpeg = jpeg_of({}, 24, 20);
   jpeg.resize(jpeg.size() - 40);
-  EXPECT_EQ(error(jpeg), "malformed-image: a: the image is cut off");
-  EXPECT_EQ(error({0xff, 0xd8, 0xff, 0xd9}),
+  EXPECT_EQ(image_error(jpeg), "malformed-image: a: the image is cut off");
+  EXPECT_EQ(image_error({0xff, 0xd8, 0xff, 0xd9}),
             "malformed-image: a: JPEG datastream contains no image");
-  EXPECT_EQ(error({'G', 'I', 'F', '8', '9', 'a'}),
+  EXPECT_EQ(image_error({'G', 'I', 'F', '8', '9', 'a'}),
             "malformed-image: a: No screen descriptor detected");
-  EXPECT_THAT(error({'I', 'I', '*', 0, 8, 0, 0, 0}), HasSubstr("malformed-image: a: "));
-  EXPECT_EQ(error({'R', 'I', 'F', 'F', 4, 0, 0, 0, 'W', 'E', 'B', 'P', ' '}),
+  EXPECT_THAT(image_error({'I', 'I', '*', 0, 8, 0, 0, 0}), HasSubstr("malformed-image: a: "));
+  EXPECT_EQ(image_error({'R', 'I', 'F', 'F', 4, 0, 0, 0, 'W', 'E', 'B', 'P', ' '}),
             "malformed-image: a: not a valid WebP stream");
 }
 
@@ -164,7 +158,7 @@ TEST(ImageFormats, jpeg_of_very_many_scans_is_refused) {
   Bytes many(jpeg.begin(), begin);
   for (int i = 0; i < 600; ++i) many.insert(many.end(), begin, end);
   many.insert(many.end(), begin, jpeg.end());
-  EXPECT_EQ(error(many), "malformed-image: a: too many scans");
+  EXPECT_EQ(image_error(many), "malformed-image: a: too many scans");
 }
 
 TEST(ImageFormats, webp_keeps_straight_alpha) {
@@ -190,7 +184,7 @@ TEST(ImageFormats, interlaced_gif_has_its_rows_in_order) {
 TEST(ImageFormats, gif_frame_outside_of_its_screen_is_refused) {
   Bytes gif = gif_of({}, noise(6), 3);
   gif[6] = 2;
-  EXPECT_EQ(error(gif),
+  EXPECT_EQ(image_error(gif),
             "malformed-image: a: the first frame: expected within 2 x 2 pixels, got 3 x 2 at 0, 0");
 }
 
@@ -224,21 +218,21 @@ TEST(ImageFormats, hdr_in_runs_in_order_and_repeated) {
 }
 
 TEST(ImageFormats, hdr_errors_say_what_and_where) {
-  EXPECT_EQ(error(hdr_of("+Y 1 +X 8", {})),
+  EXPECT_EQ(image_error(hdr_of("+Y 1 +X 8", {})),
             "malformed-image: a: size of the image: expected -Y height +X width, got \"+Y 1 +X "
             "8\"");
-  EXPECT_EQ(error(hdr_of("-Y 1 +X 8", {2, 2, 0, 9})),
+  EXPECT_EQ(image_error(hdr_of("-Y 1 +X 8", {2, 2, 0, 9})),
             "malformed-image: a: byte 47: width of a row: expected 8, got 9");
-  EXPECT_EQ(error(hdr_of("-Y 1 +X 8", {2, 2, 0, 8, 137, 1})),
+  EXPECT_EQ(image_error(hdr_of("-Y 1 +X 8", {2, 2, 0, 8, 137, 1})),
             "malformed-image: a: byte 49: a run goes beyond its row: expected 1 to 8 pixels, got "
             "9");
-  EXPECT_EQ(error(hdr_of("-Y 1 +X 2", {1, 2, 3})),
+  EXPECT_EQ(image_error(hdr_of("-Y 1 +X 2", {1, 2, 3})),
             "malformed-image: a: the image is cut off: expected at least 49 bytes, got 48 bytes");
-  EXPECT_EQ(error({'#', '?', 'R', 'G', 'B', 'E', '\n'}),
+  EXPECT_EQ(image_error({'#', '?', 'R', 'G', 'B', 'E', '\n'}),
             "malformed-image: a: the header does not end: expected an empty line and -Y height +X "
             "width, got the end of the file");
   const std::string xyze = "#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n1234";
-  EXPECT_EQ(error(Bytes(xyze.begin(), xyze.end())),
+  EXPECT_EQ(image_error(Bytes(xyze.begin(), xyze.end())),
             "malformed-image: a: format of the pixels: expected 32-bit_rle_rgbe, got "
             "\"32-bit_rle_xyze\"");
 }
@@ -259,7 +253,7 @@ TEST(ImageFormats, tiff_compressions_that_are_not_read_are_named) {
   for (size_t at = directory + 2; at + 12 <= tiff.size(); at += 12) {
     if (tiff[at] == 3 && tiff[at + 1] == 1) put_le(tiff, at + 8, 34661, 2);  // tag 259
   }
-  EXPECT_EQ(error(tiff),
+  EXPECT_EQ(image_error(tiff),
             "unsupported-feature: a: compression of the TIFF: expected none, LZW, Deflate, JPEG, "
             "PackBits or CCITT, got 34661");
 }

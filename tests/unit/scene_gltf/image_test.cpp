@@ -1,6 +1,8 @@
 // decode_image() compared with OpenImageIO, which writes files and reads the same bytes.
 #include "server/scene/images/image.h"
 
+#include <algorithm>
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>
@@ -13,8 +15,8 @@
 namespace voxeld {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 // A file of 2 x 1 pixels in the format that the extension names.
 template <typename T>
@@ -69,13 +71,7 @@ int largest_difference(const Bytes& a, const Bytes& b) {
   return largest;
 }
 
-std::vector<uint8_t> pixels(const Bytes& bytes) {
-  const auto image = decode_image("a", bytes);
-  EXPECT_TRUE(image.ok()) << (image ? "" : image.error().message());
-  return image ? image->rgba : std::vector<uint8_t>();
-}
-
-std::string error(const Bytes& bytes) {
+std::string error_as_png(const Bytes& bytes) {
   const auto image = decode_image("a.png", bytes);
   if (image) return "ok";
   return std::string(info_of(image.error().code).name) + ": " + image.error().message();
@@ -194,16 +190,16 @@ TEST(Image, radiance_images_are_clamped_and_encoded) {
 }
 
 TEST(Image, other_bytes_are_refused_with_the_list_of_formats) {
-  EXPECT_EQ(error({'h', 'e', 'l', 'l', 'o'}),
+  EXPECT_EQ(error_as_png({'h', 'e', 'l', 'l', 'o'}),
             "unsupported-media-type: a.png: not an image that voxeld reads: expected PNG, JPEG, "
             "TGA, BMP, DDS, WebP, HDR, TIFF or GIF, got \"hello\"");
   // Formats that Debian's library could read, with readers that nobody should meet.
-  EXPECT_THAT(error({'8', 'B', 'P', 'S', 0, 1}), HasSubstr("unsupported-media-type"));
-  EXPECT_THAT(error({0x76, 0x2f, 0x31, 0x01}), HasSubstr("unsupported-media-type"));
+  EXPECT_THAT(error_as_png({'8', 'B', 'P', 'S', 0, 1}), HasSubstr("unsupported-media-type"));
+  EXPECT_THAT(error_as_png({0x76, 0x2f, 0x31, 0x01}), HasSubstr("unsupported-media-type"));
 }
 
 TEST(Image, a_broken_image_is_malformed) {
-  EXPECT_THAT(error({0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}),
+  EXPECT_THAT(error_as_png({0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}),
               HasSubstr("malformed-image: a.png: "));
 }
 

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::span<const uint8_t> bytes_of(std::string_view text) {
+std::span<const uint8_t> span_of(std::string_view text) {
   return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
 }
 
@@ -35,7 +35,7 @@ class BlobStoreTest : public ::testing::Test {
   BlobInfo put(BlobStore& store, std::string_view text) {
     auto writer = store.begin(1 << 20);
     EXPECT_TRUE(writer);
-    EXPECT_TRUE(writer->append(bytes_of(text)));
+    EXPECT_TRUE(writer->append(span_of(text)));
     auto info = writer->finish();
     EXPECT_TRUE(info) << info.error().message();
     return *info;
@@ -54,8 +54,8 @@ TEST_F(BlobStoreTest, bytes_written_in_pieces_are_stored_under_their_hash) {
   BlobStore store = open();
   auto writer = store.begin(100);
   ASSERT_TRUE(writer);
-  ASSERT_TRUE(writer->append(bytes_of("ab")));
-  ASSERT_TRUE(writer->append(bytes_of("c")));
+  ASSERT_TRUE(writer->append(span_of("ab")));
+  ASSERT_TRUE(writer->append(span_of("c")));
   EXPECT_EQ(writer->bytes(), 3);
   const auto info = writer->finish();
   ASSERT_TRUE(info) << info.error().message();
@@ -127,7 +127,7 @@ TEST_F(BlobStoreTest, a_writer_that_is_dropped_leaves_nothing) {
   {
     auto writer = store.begin(100);
     ASSERT_TRUE(writer);
-    ASSERT_TRUE(writer->append(bytes_of("half of an upl")));
+    ASSERT_TRUE(writer->append(span_of("half of an upl")));
     BlobWriter moved = *std::move(writer);
     EXPECT_EQ(temporary_files(), 1u);
   }
@@ -138,7 +138,7 @@ TEST_F(BlobStoreTest, a_writer_that_is_dropped_leaves_nothing) {
 TEST_F(BlobStoreTest, what_a_killed_process_left_in_tmp_goes_at_the_next_open) {
   {
     BlobStore store = open();
-    ASSERT_TRUE(write_file(store.root() / "tmp/blob-abc123", bytes_of("torn")));
+    ASSERT_TRUE(write_file(store.root() / "tmp/blob-abc123", span_of("torn")));
   }
   open();
   EXPECT_EQ(temporary_files(), 0u);
@@ -148,8 +148,8 @@ TEST_F(BlobStoreTest, bytes_over_the_cap_are_refused_with_the_cap) {
   BlobStore store = open();
   auto writer = store.begin(4);
   ASSERT_TRUE(writer);
-  ASSERT_TRUE(writer->append(bytes_of("1234")));
-  const Status refused = writer->append(bytes_of("5"));
+  ASSERT_TRUE(writer->append(span_of("1234")));
+  const Status refused = writer->append(span_of("5"));
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kPayloadTooLarge);
   EXPECT_EQ(refused.error().message(),
@@ -159,7 +159,7 @@ TEST_F(BlobStoreTest, bytes_over_the_cap_are_refused_with_the_cap) {
 TEST_F(BlobStoreTest, a_torn_file_under_a_blobs_name_is_replaced_by_the_whole_one) {
   BlobStore store = open();
   const BlobInfo whole = put(store, "whole content");
-  ASSERT_TRUE(write_file(store.path_of(whole.id), bytes_of("whole")));
+  ASSERT_TRUE(write_file(store.path_of(whole.id), span_of("whole")));
   put(store, "whole content");
   EXPECT_EQ(store.stat(whole.id).value().bytes, 13);
 }
@@ -167,12 +167,12 @@ TEST_F(BlobStoreTest, a_torn_file_under_a_blobs_name_is_replaced_by_the_whole_on
 TEST_F(BlobStoreTest, a_finished_file_is_adopted) {
   BlobStore store = open();
   const fs::path file = dir_.path() / "result.npy";
-  ASSERT_TRUE(write_file(file, bytes_of("result")));
+  ASSERT_TRUE(write_file(file, span_of("result")));
   const auto info = store.adopt(file);
   ASSERT_TRUE(info) << info.error().message();
   EXPECT_EQ(info->id, sha256_id("result"));
   EXPECT_FALSE(fs::exists(file));
-  ASSERT_TRUE(write_file(file, bytes_of("result")));
+  ASSERT_TRUE(write_file(file, span_of("result")));
   EXPECT_EQ(store.adopt(file).value().id, info->id);
   EXPECT_FALSE(fs::exists(file));
 }

@@ -72,11 +72,11 @@ Result<MemoryStore::Bytes> MemoryStore::find(std::string_view id) const {
   return it->second;
 }
 
-Result<BlobWriter> MemoryStore::begin(int64_t bytes_max) {
+Result<BlobWriter> MemoryStore::begin(int64_t bytes_max, Durability /*durability*/) {
   return BlobWriter(std::make_unique<Sink>(state_), bytes_max);
 }
 
-Result<BlobInfo> MemoryStore::adopt(const fs::path& file) {
+Result<BlobInfo> MemoryStore::adopt(const fs::path& file, Durability /*durability*/) {
   if (!fs::is_regular_file(fs::symlink_status(file))) {
     return Error{ErrorCode::kInternal, "not a regular file", "", ""};
   }

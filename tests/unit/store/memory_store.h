@@ -20,8 +20,11 @@ namespace voxeld::testing {
 class MemoryStore final : public ObjectStore {
  public:
   MemoryStore();
-  Result<BlobWriter> begin(int64_t bytes_max) override;
-  Result<BlobInfo> adopt(const std::filesystem::path& file) override;
+  using ObjectStore::adopt;
+  using ObjectStore::begin;
+  Result<BlobWriter> begin(int64_t bytes_max, Durability durability) override;
+  Result<BlobInfo> adopt(const std::filesystem::path& file, Durability durability) override;
+  Status sync() override { return {}; }
   Result<BlobInfo> stat(std::string_view id) const override;
   Result<BlobInfo> verified(std::string_view id) const override;
   bool is_usable(std::string_view id) const override;

@@ -56,7 +56,7 @@ void damage_memory(ObjectStore& store, std::string_view id) {
 constexpr Kind kKinds[] = {{"files", open_files, damage_file},
                            {"memory", open_memory, damage_memory}};
 
-Bytes bytes_of(std::string_view text) {
+Bytes object_bytes(std::string_view text) {
   return {text.begin(), text.end()};
 }
 
@@ -64,7 +64,7 @@ class ObjectStoreTest : public ::testing::TestWithParam<Kind> {
  protected:
   BlobInfo put(std::string_view text) {
     auto writer = store_->begin(1 << 20);
-    EXPECT_TRUE(writer && writer->append(bytes_of(text)));
+    EXPECT_TRUE(writer && writer->append(object_bytes(text)));
     return writer->finish().value();
   }
   // Without a pin.
@@ -84,7 +84,7 @@ TEST_P(ObjectStoreTest, pieces_are_stored_under_the_hash_of_all_bytes) {
   auto writer = store_->begin(6);
   ASSERT_TRUE(writer);
   for (const std::string_view piece : {"ab", "", "cdef"}) {
-    ASSERT_TRUE(writer->append(bytes_of(piece)));
+    ASSERT_TRUE(writer->append(object_bytes(piece)));
   }
   EXPECT_EQ(writer->bytes(), 6);
   EXPECT_FALSE(store_->stat(sha256_id("abcdef"))) << "it is stored before finish()";
@@ -95,7 +95,7 @@ TEST_P(ObjectStoreTest, pieces_are_stored_under_the_hash_of_all_bytes) {
   EXPECT_EQ(store_->stat(info->id)->bytes, 6);
   EXPECT_EQ(store_->verified(info->id)->bytes, 6);
   EXPECT_TRUE(store_->is_usable(info->id));
-  EXPECT_EQ(read_blob(*store_, info->id).value(), bytes_of("abcdef"));
+  EXPECT_EQ(read_blob(*store_, info->id).value(), object_bytes("abcdef"));
 }
 
 TEST_P(ObjectStoreTest, an_empty_blob_is_a_blob) {
@@ -108,8 +108,8 @@ TEST_P(ObjectStoreTest, an_empty_blob_is_a_blob) {
 
 TEST_P(ObjectStoreTest, more_than_the_announced_bytes_are_refused) {
   auto writer = store_->begin(4);
-  ASSERT_TRUE(writer && writer->append(bytes_of("abcd")));
-  const Status more = writer->append(bytes_of("e"));
+  ASSERT_TRUE(writer && writer->append(object_bytes("abcd")));
+  const Status more = writer->append(object_bytes("e"));
   ASSERT_FALSE(more);
   EXPECT_EQ(more.error().code, ErrorCode::kPayloadTooLarge);
   EXPECT_EQ(store_->list().value(), Ids());
@@ -118,7 +118,7 @@ TEST_P(ObjectStoreTest, more_than_the_announced_bytes_are_refused) {
 TEST_P(ObjectStoreTest, of_an_abandoned_writer_nothing_stays) {
   {
     auto writer = store_->begin(100);
-    ASSERT_TRUE(writer && writer->append(bytes_of("abc")));
+    ASSERT_TRUE(writer && writer->append(object_bytes("abc")));
   }
   EXPECT_EQ(store_->list().value(), Ids());
   EXPECT_TRUE(store_->take_suspects().empty());
@@ -126,9 +126,9 @@ TEST_P(ObjectStoreTest, of_an_abandoned_writer_nothing_stays) {
 
 TEST_P(ObjectStoreTest, a_writer_can_be_moved) {
   auto first = store_->begin(100);
-  ASSERT_TRUE(first && first->append(bytes_of("ab")));
+  ASSERT_TRUE(first && first->append(object_bytes("ab")));
   BlobWriter second(*std::move(first));
-  ASSERT_TRUE(second.append(bytes_of("c")));
+  ASSERT_TRUE(second.append(object_bytes("c")));
   EXPECT_EQ(second.finish()->id, sha256_id("abc"));
 }
 
@@ -138,7 +138,7 @@ TEST_P(ObjectStoreTest, a_file_is_taken_over) {
   ASSERT_TRUE(info) << info.error().message();
   EXPECT_EQ(info->id, sha256_id("output"));
   EXPECT_FALSE(fs::exists(output));
-  EXPECT_EQ(read_blob(*store_, info->id).value(), bytes_of("output"));
+  EXPECT_EQ(read_blob(*store_, info->id).value(), object_bytes("output"));
 }
 
 TEST_P(ObjectStoreTest, what_is_no_plain_file_is_not_taken_over) {
@@ -195,7 +195,7 @@ TEST_P(ObjectStoreTest, a_reader_outlives_its_blob) {
   ASSERT_TRUE(reader && store_->remove(id));
   Bytes bytes(3);
   EXPECT_EQ((*reader)->read(bytes).value(), 3u);
-  EXPECT_EQ(bytes, bytes_of("abc"));
+  EXPECT_EQ(bytes, object_bytes("abc"));
 }
 
 TEST_P(ObjectStoreTest, a_local_file_has_the_bytes_and_is_named_by_the_id) {
@@ -203,7 +203,7 @@ TEST_P(ObjectStoreTest, a_local_file_has_the_bytes_and_is_named_by_the_id) {
   const auto path = store_->local_file(id);
   ASSERT_TRUE(path) << path.error().message();
   EXPECT_EQ(path->filename(), id);
-  EXPECT_EQ(read_file(*path).value(), bytes_of("abc"));
+  EXPECT_EQ(read_file(*path).value(), object_bytes("abc"));
 }
 
 TEST_P(ObjectStoreTest, ids_of_no_blob_are_not_found) {
@@ -290,7 +290,7 @@ TEST_P(ObjectStoreTest, threads_may_put_read_and_remove_the_same_blob) {
         const BlobInfo info = put("shared");
         // It is pinned, so whatever the others do, it is there.
         const auto bytes = read_blob(*store_, info.id);
-        if (!bytes || *bytes != bytes_of("shared")) ++wrong;
+        if (!bytes || *bytes != object_bytes("shared")) ++wrong;
         const std::string own = put_free(std::to_string(i) + " " + std::to_string(round));
         if (!store_->remove(own)) ++wrong;
         const Status removed = store_->remove(info.id);

@@ -36,12 +36,13 @@ class PartStoreTest : public ::testing::Test {
 
   testing::TemporaryDir dir_;
   int files_ = 0;
+  int64_t position_ = 0;
 };
 
 TEST_F(PartStoreTest, parts_come_back_in_their_order_after_a_restart) {
   const PartStore store = open();
   for (int i = 0; i < 12; ++i) {
-    ASSERT_TRUE(store.add("j-1", i, scratch("part " + std::to_string(i))).ok());
+    ASSERT_TRUE(store.add("j-1", i, 1, scratch("part " + std::to_string(i))).ok());
   }
   const Texts found = texts(open(), "j-1");
   ASSERT_EQ(found.size(), 12u);
@@ -52,14 +53,14 @@ TEST_F(PartStoreTest, parts_come_back_in_their_order_after_a_restart) {
 
 TEST_F(PartStoreTest, a_part_replaces_those_at_and_after_its_position) {
   const PartStore store = open();
-  for (int i = 0; i < 4; ++i) ASSERT_TRUE(store.add("j-1", i, scratch("old")).ok());
-  ASSERT_TRUE(store.add("j-1", 1, scratch("new")).ok());
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(store.add("j-1", i, 1, scratch("old")).ok());
+  ASSERT_TRUE(store.add("j-1", 1, 1, scratch("new")).ok());
   EXPECT_EQ(texts(store, "j-1"), (Texts{"old", "new"}));
 }
 
 TEST_F(PartStoreTest, a_part_with_other_bytes_ends_what_is_given) {
   const PartStore store = open();
-  for (int i = 0; i < 3; ++i) ASSERT_TRUE(store.add("j-1", i, scratch("abc")).ok());
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(store.add("j-1", i, 1, scratch("abc")).ok());
   const auto paths = store.of_job("j-1");
   ASSERT_EQ(paths.size(), 3u);
   std::ofstream(paths[1]) << "abd";
@@ -68,10 +69,34 @@ TEST_F(PartStoreTest, a_part_with_other_bytes_ends_what_is_given) {
   EXPECT_EQ(texts(store, "j-1"), Texts());
 }
 
+TEST_F(PartStoreTest, a_tile_is_found_by_its_number_over_all_parts) {
+  const PartStore store = open();
+  EXPECT_FALSE(store.with_tile("j-1", 0));
+  for (const int64_t tiles : {3, 0, 12, 1}) {
+    ASSERT_TRUE(store.add("j-1", position_++, tiles, scratch(std::to_string(tiles))).ok());
+  }
+  const auto found = [&](int64_t tile) -> std::string {
+    const auto part = open().with_tile("j-1", tile);
+    if (!part) return "none";
+    const auto bytes = read_file(part->path).value();
+    return std::string(bytes.begin(), bytes.end()) + " after " + std::to_string(part->first_tile);
+  };
+  EXPECT_EQ(found(0), "3 after 0");
+  EXPECT_EQ(found(2), "3 after 0");
+  EXPECT_EQ(found(3), "12 after 3");
+  EXPECT_EQ(found(14), "12 after 3");
+  EXPECT_EQ(found(15), "1 after 15");
+  EXPECT_EQ(found(16), "none");
+  EXPECT_FALSE(store.with_tile("../j-1", 0));
+  fs::remove(store.of_job("j-1")[1]);  // no tile of its own, but those behind it may be others
+  EXPECT_EQ(found(2), "3 after 0");
+  EXPECT_EQ(found(3), "none");
+}
+
 TEST_F(PartStoreTest, the_parts_of_a_job_go_with_it) {
   const PartStore store = open();
   for (const std::string job : {"j-1", "j-2", "j-3"}) {
-    ASSERT_TRUE(store.add(job, 0, scratch(job)).ok());
+    ASSERT_TRUE(store.add(job, 0, 1, scratch(job)).ok());
   }
   store.remove("j-1");
   EXPECT_EQ(texts(store, "j-1"), Texts());
@@ -85,11 +110,11 @@ TEST_F(PartStoreTest, links_and_odd_names_are_refused) {
   const PartStore store = open();
   const fs::path secret = scratch("somebody else's"), link = dir_.path() / "link";
   fs::create_symlink(secret, link);
-  EXPECT_EQ(store.add("j-1", 0, link).error().detail, "link is not a plain file");
+  EXPECT_EQ(store.add("j-1", 0, 1, link).error().detail, "link is not a plain file");
   fs::create_hard_link(secret, dir_.path() / "twin");
-  EXPECT_FALSE(store.add("j-1", 0, dir_.path() / "twin").ok());
+  EXPECT_FALSE(store.add("j-1", 0, 1, dir_.path() / "twin").ok());
   for (const std::string job : {"..", "", "a/b", ".hidden"}) {
-    EXPECT_FALSE(store.add(job, 0, scratch("x")).ok()) << job;
+    EXPECT_FALSE(store.add(job, 0, 1, scratch("x")).ok()) << job;
     EXPECT_EQ(texts(store, job), Texts());
   }
   store.remove("..");

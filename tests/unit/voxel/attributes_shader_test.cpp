@@ -12,7 +12,7 @@
 
 namespace voxeld::glsl {
 
-#include "shaders/lib/attribute_polygon.glsl"
+#include "shaders/lib/attribute_area.glsl"
 #include "shaders/lib/attributes.glsl"
 
 namespace {
@@ -123,14 +123,54 @@ double share_in_cell(const Triangle& t, int i, int j, int k) {
   return twice_area_of(points) / 2;
 }
 
-uint twice_area_in_cell(const AttributeTriangle& a, int i, int j, int k) {
-  return twice_polygon_area(cell_polygon(a, column_polygon(a, i, j), column_depth_at(a, i, j), k));
+// The mean length of the triangle's sections with cell (i, j, k) on the rows, in doubles.
+double share_on_rows(const Triangle& t, int i, int j, int k) {
+  const auto n = t.n();
+  // In q, as all that follows.
+  const double low = std::max(256.0 * j, double(std::min({t.v[0].y, t.v[1].y, t.v[2].y})));
+  const double high = std::min(256.0 * (j + 1), double(std::max({t.v[0].y, t.v[1].y, t.v[2].y})));
+  double sum = 0;
+  for (int r = 0; r < AREA_ROWS; ++r) {
+    const double y = low + (high - low) * (r + 0.5) / AREA_ROWS;
+    double first = 256.0 * i, last = first + 256;
+    // Keeps x where value + slope x >= 0.
+    const auto cut = [&](double value, double slope) {
+      if (slope > 0) first = std::max(first, -value / slope);
+      if (slope < 0) last = std::min(last, -value / slope);
+      if (slope == 0 && value < 0) last = first;
+    };
+    const double turn = n[2] < 0 ? -1 : 1;
+    for (size_t e = 0; e < 3; ++e) {
+      const ivec3 from = t.v[e], d = t.v[(e + 1) % 3] - from;
+      cut(turn * (d.x * (y - from.y) + double(d.y) * from.x), -turn * d.y);
+    }
+    const double slope = -double(n[0]) / double(n[2]);
+    const double depth = t.v[0].z - slope * t.v[0].x - double(n[1]) / double(n[2]) * (y - t.v[0].y);
+    cut(depth - 256.0 * k, slope);
+    cut(256.0 * (k + 1) - depth, -slope);
+    sum += std::max(last - first, 0.0) / 256;
+  }
+  return sum / AREA_ROWS * std::max(high - low, 0.0) / 256;
+}
+
+CellArea cell_at(const AttributeTriangle& a, int i, int j, int k) {
+  return cell_area(a, triangle_rows(a, i, j), column_depth_at(a, i, j), k);
+}
+uint area_in_cell(const AttributeTriangle& a, int i, int j, int k) {
+  const CellArea cell = cell_at(a, i, j, k);
+  return rows_area(cell, all_rows(cell));
+}
+ivec2 sample_in_cell(const AttributeTriangle& a, int i, int j, int k) {
+  const CellArea cell = cell_at(a, i, j, k);
+  return sample_position(a, i, j, cell, all_rows(cell));
 }
 
 TEST(AttributesShader, areas_in_cells_are_those_of_clipped_triangles) {
   Random random(1);
   const ivec3 box_min(-7 * 65536 - 256), box_max = box_min + 2050 * 256;
   int counted = 0;
+  int rounded = 0;
+  double errors = 0, squares = 0;
   for (int t = 0; t < 40'000; ++t) {
     const bool huge = t % 4 == 0;
     const Triangle triangle =
@@ -140,12 +180,23 @@ TEST(AttributesShader, areas_in_cells_are_those_of_clipped_triangles) {
     const int i = random.integer(0, huge ? 255 : 2), j = random.integer(0, huge ? 255 : 2);
     const int64_t depth = column_depth_at(a, i, j);
     for (int k = int(depth >> 24) - 2; k <= int(depth >> 24) + 2; ++k) {
+      const double share = double(area_in_cell(a, i, j, k)) / AREA_FACE;
+      // Sides nearly along a row cross it where their rounding says, so single cells may differ.
+      const double on_rows = std::abs(share - share_on_rows(triangle, i, j, k));
+      ASSERT_LT(on_rows, 1.0 / 64) << t;
+      rounded += on_rows > 1.0 / 1000 ? 1 : 0;
       const double expected = share_in_cell(triangle, i, j, k);
-      ASSERT_NEAR(double(twice_area_in_cell(a, i, j, k)) * 0x1p-25, expected, 1.0 / 1000) << t;
-      counted += expected > 0.01 ? 1 : 0;
+      ASSERT_NEAR(share, expected, 1.0 / 16) << t;
+      if (expected < 0.01) continue;
+      ++counted;
+      errors += share - expected;
+      squares += (share - expected) * (share - expected);
     }
   }
   EXPECT_GT(counted, 5'000);
+  EXPECT_LT(rounded, 10);
+  EXPECT_LT(std::abs(errors / counted), 0.001);
+  EXPECT_LT(std::sqrt(squares / counted), 0.005);
 }
 
 TEST(AttributesShader, triangles_with_a_common_side_share_a_column_out) {
@@ -156,10 +207,10 @@ TEST(AttributesShader, triangles_with_a_common_side_share_a_column_out) {
     const AttributeTriangle flipped = set_up({{c, a, d}});
     for (int j = 1; j < 4; ++j) {
       for (int i = 1; i < 4; ++i) {
-        const uint one = twice_area_in_cell(lower, i, j, 0);
-        const uint other = twice_area_in_cell(upper, i, j, 0);
-        EXPECT_EQ(one + other, 1u << 25);
-        EXPECT_EQ(twice_area_in_cell(flipped, i, j, 0), other);
+        const uint one = area_in_cell(lower, i, j, 0);
+        const uint other = area_in_cell(upper, i, j, 0);
+        EXPECT_EQ(one + other, uint(AREA_FACE));
+        EXPECT_EQ(area_in_cell(flipped, i, j, 0), other);
       }
     }
   }
@@ -168,9 +219,9 @@ TEST(AttributesShader, triangles_with_a_common_side_share_a_column_out) {
 TEST(AttributesShader, a_square_on_the_boundaries_of_cells_fills_a_layer) {
   const AttributeTriangle a =
       set_up({{ivec3(0, 0, 512), ivec3(2048, 0, 512), ivec3(0, 2048, 512)}});
-  EXPECT_EQ(twice_area_in_cell(a, 1, 1, 2), 1u << 25);
-  EXPECT_EQ(area_weight(a, 1u << 25), 4096u);
-  EXPECT_EQ(twice_area_in_cell(a, 1, 1, 1), 0u);
+  EXPECT_EQ(area_in_cell(a, 1, 1, 2), uint(AREA_FACE));
+  EXPECT_EQ(area_weight(a, uint(AREA_FACE)), 4096u);
+  EXPECT_EQ(area_in_cell(a, 1, 1, 1), 0u);
   EXPECT_EQ(area_weight(a, 0u), 1u);
 }
 
@@ -189,62 +240,63 @@ TEST(AttributesShader, depths_are_those_of_the_plane) {
   }
 }
 
-// Rounding can make a polygon not quite convex; it never has more corners than it has room for.
-TEST(AttributesShader, a_clipped_polygon_has_at_most_nine_corners_in_its_column) {
+// Steep, shallow and level lines: what one side of a line does not get, the other one gets.
+TEST(AttributesShader, two_sides_of_a_line_share_every_row_out) {
   Random random(3);
-  int most = 0;
   for (int t = 0; t < 50'000; ++t) {
-    CellPolygon polygon = whole_column();
-    for (int cut = 0; cut < 12; ++cut) {
-      const int a = random.integer(-32767, 32767), b = random.integer(-32767, 32767);
-      const int x = random.integer(1500, 2500), y = random.integer(1500, 2500);
-      const ivec3 line(a, b, -(a * x + b * y) + 30'000'000);
-      polygon = clip_polygon(polygon, line);
-      most = std::max(most, polygon.count);
-      for (int n = 0; n < polygon.count; ++n) {
-        const ivec2 p = polygon_point(polygon.points[n]);
-        ASSERT_TRUE(p.x >= 0 && p.x <= 4096 && p.y >= 0 && p.y <= 4096);
-      }
+    const int steep = random.integer(0, 15), shallow = random.integer(0, 15);
+    const int a = random.integer(0, (1 << steep) - 1),
+              b = random.integer(-(1 << shallow), 1 << shallow);
+    const int constant = random.integer(-(1 << 29), 1 << 29) >> random.integer(0, 20);
+    const RowLine line = row_line(a, b);
+    const ColumnRows right = clip_rows(box_rows(0, AREA_SIDE), line, constant, true);
+    const ColumnRows left = clip_rows(box_rows(0, AREA_SIDE), line, constant, false);
+    for (int r = 0; r < AREA_ROWS; ++r) {
+      const int x = row_crossing(line, constant, row_y(right, r));
+      ASSERT_TRUE(x >= 0 && x <= AREA_SIDE);
+      ASSERT_EQ(right.rows[r], uint(x) | uint(AREA_SIDE) << 16);
+      ASSERT_EQ(left.rows[r], uint(x) << 16);
+      const double rest = -(double(b) * AREA_SIDE * (r + 0.5) / AREA_ROWS + constant);
+      const double exact = a == 0 ? (rest > 0 ? AREA_SIDE : 0) : rest / a;
+      ASSERT_NEAR(x, std::clamp(exact, 0.0, double(AREA_SIDE)), 1.25) << a << ' ' << b;
     }
   }
-  EXPECT_EQ(most, 9);
 }
 
 TEST(AttributesShader, the_sample_is_the_centroid_or_the_centre_in_the_box) {
-  const AttributeTriangle t = set_up({{ivec3(0, 0, 0), ivec3(40, 0, 0), ivec3(0, 80, 0)}});
-  EXPECT_EQ(sample_position(t, 2, 3, whole_column(), 1u << 25),
-            ivec2(2 * 512 + 257, 3 * 512 + 257));
-  const CellPolygon in_cell = cell_polygon(t, column_polygon(t, 0, 0), column_depth_at(t, 0, 0), 0);
-  const ivec2 at = sample_position(t, 0, 0, in_cell, twice_polygon_area(in_cell));
-  EXPECT_NEAR(at.x, 2 * 40 / 3.0 + 1, 1);
-  EXPECT_NEAR(at.y, 2 * 80 / 3.0 + 1, 1);
-  EXPECT_EQ(sample_position(t, 0, 0, in_cell, 0u), ivec2(81, 161));
+  const AttributeTriangle whole = set_up({{ivec3(0, 0, 0), ivec3(4000, 0, 0), ivec3(0, 4000, 0)}});
+  EXPECT_EQ(sample_in_cell(whole, 2, 3, 0), ivec2(2 * 512 + 257, 3 * 512 + 257));
+  const AttributeTriangle t = set_up({{ivec3(0, 0, 0), ivec3(120, 0, 0), ivec3(0, 240, 0)}});
+  const ivec2 at = sample_in_cell(t, 0, 0, 0);
+  EXPECT_NEAR(at.x, 2 * 120 / 3.0 + 1, 3);
+  EXPECT_NEAR(at.y, 2 * 240 / 3.0 + 1, 3);
+  EXPECT_EQ(area_in_cell(t, 0, 0, 1), 0u);
+  EXPECT_EQ(sample_in_cell(t, 0, 0, 1), ivec2(241, 256));
 }
 
-TEST(AttributesShader, parts_of_an_area_share_all_of_it_out) {
-  EXPECT_EQ(area_share(0u, 1u << 25), 0u);
-  EXPECT_EQ(area_share(1u << 25, 1u << 25), 1u << 15);
-  EXPECT_EQ(area_share(1u << 24, 1u << 25), 1u << 14);
-  EXPECT_EQ(area_share(1u, 3u), 10922u);
-  EXPECT_EQ(area_share(3u, 3u), 1u << 15);
+TEST(AttributesShader, parts_of_a_length_share_all_of_it_out) {
+  EXPECT_EQ(length_share(0u, uint(AREA_FACE)), 0u);
+  EXPECT_EQ(length_share(uint(AREA_FACE), uint(AREA_FACE)), 1u << 15);
+  EXPECT_EQ(length_share(uint(AREA_FACE) / 2, uint(AREA_FACE)), 1u << 14);
+  EXPECT_EQ(length_share(1u, 3u), 10922u);
 }
 
 TEST(AttributesShader, texels_are_as_large_as_the_part_that_they_stand_for) {
-  EXPECT_EQ(part_level(1u << 25, 5), 5);
-  EXPECT_EQ(part_level(1u << 23, 5), 4);
-  EXPECT_EQ(part_level(1u << 15, 5), 0);
+  EXPECT_EQ(part_level(uint(AREA_FACE), 5), 5);
+  EXPECT_EQ(part_level(uint(AREA_FACE) / 4, 5), 4);
+  EXPECT_EQ(part_level(uint(AREA_FACE) / 1024, 5), 0);
   EXPECT_EQ(part_level(1u, 5), 0);
 }
 
-TEST(AttributesShader, quarters_of_a_triangle_have_their_own_centroids) {
-  const int one = 1 << 24;
-  const ivec3 a(one, 0, 0), b(0, one, 0), c(0, 0, one);
-  const ivec3 centre = centre_weights(a, b, c);
-  for (int n = 0; n < 3; ++n) EXPECT_NEAR(centre[n], one / 3.0, 2);
-  const ivec3 at_b = middle_weights(b, centre);
-  EXPECT_NEAR(at_b.x, one / 6.0, 2);
-  EXPECT_NEAR(at_b.y, one * 4 / 6.0, 2);
-  EXPECT_EQ(at_b.x + at_b.y + at_b.z, one);
+TEST(AttributesShader, the_halves_of_a_rectangle_have_their_own_centroids) {
+  // x from a quarter of the cell to three quarters
+  RowSums sums = no_rows();
+  for (int r = 0; r < AREA_ROWS; ++r) sums = add_row(sums, 1024, 3072, r);
+  CellArea cell{};
+  cell.spacing = 256;
+  EXPECT_EQ(row_centroid(cell, sums), ivec2(2048, 2048));
+  EXPECT_EQ(rows_area(cell, sums), uint(AREA_FACE) / 2);
+  EXPECT_EQ(row_spread(sums), 512);
 }
 
 TEST(AttributesShader, corner_weights_are_barycentric) {
@@ -330,9 +382,8 @@ TEST(AttributesShader, coordinates_of_a_texture_wrap_at_every_size) {
 TEST(AttributesShader, a_triangle_of_one_point_has_weights_and_no_area) {
   const ivec3 p(300, 300, 300);
   const AttributeTriangle t = attribute_setup(p, p, p, 0, 0, 0, 0u);
-  const CellPolygon polygon = column_polygon(t, 1, 1);
-  EXPECT_EQ(polygon.count, 0);
-  EXPECT_EQ(corner_weights(t, sample_position(t, 1, 1, polygon, 0u)), ivec3(1 << 24, 0, 0));
+  EXPECT_EQ(area_in_cell(t, 1, 1, 1), 0u);
+  EXPECT_EQ(corner_weights(t, sample_in_cell(t, 1, 1, 1)), ivec3(1 << 24, 0, 0));
 }
 
 TEST(AttributesShader, products_of_fractions_keep_white_and_black) {

@@ -12,7 +12,7 @@ namespace {
 
 using Linear = std::array<uint16_t, 4>;
 
-Image image_of(int width, int height, const std::array<uint8_t, 4>& color) {
+Image plain_image(int width, int height, const std::array<uint8_t, 4>& color) {
   Image image{"image", width, height, {}};
   for (int i = 0; i < width * height; ++i) {
     image.rgba.insert(image.rgba.end(), color.begin(), color.end());
@@ -39,7 +39,7 @@ TEST(FlatColors, without_a_texture_it_is_the_mean_of_the_corners) {
 }
 
 TEST(FlatColors, an_even_texture_is_unchanged_under_any_triangle) {
-  const Image image = image_of(37, 20, {255, 0, 255, 51});
+  const Image image = plain_image(37, 20, {255, 0, 255, 51});
   for (const Wrap wrap : {Wrap::kRepeat, Wrap::kClamp, Wrap::kMirror}) {
     Material material;
     material.wrap_u = material.wrap_v = wrap;
@@ -51,7 +51,7 @@ TEST(FlatColors, an_even_texture_is_unchanged_under_any_triangle) {
 }
 
 TEST(FlatColors, texels_beside_the_triangle_have_no_share) {
-  Image image = image_of(64, 64, {255, 255, 255, 255});
+  Image image = plain_image(64, 64, {255, 255, 255, 255});
   const Material material;
   for (int y = 16; y < 32; ++y) {
     for (int x = 16; x < 32; ++x) set_texel(image, x, y, {0, 0, 0, 255});
@@ -62,7 +62,7 @@ TEST(FlatColors, texels_beside_the_triangle_have_no_share) {
 }
 
 TEST(FlatColors, the_order_of_corners_does_not_change_a_bit) {
-  Image image = image_of(16, 16, {0, 0, 0, 255});
+  Image image = plain_image(16, 16, {0, 0, 0, 255});
   for (size_t i = 0; i < image.rgba.size(); ++i) image.rgba[i] = static_cast<uint8_t>(i * i % 251);
   const Material material;
   std::array<FlatCorner, 3> corners = corners_at({0.11, 0.23}, {0.71, 0.37}, {0.41, 0.93});
@@ -78,7 +78,7 @@ TEST(FlatColors, the_order_of_corners_does_not_change_a_bit) {
 
 TEST(FlatColors, nan_counts_as_0) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const Image image = image_of(4, 4, {255, 255, 255, 255});
+  const Image image = plain_image(4, 4, {255, 255, 255, 255});
   const Material material;
   auto corners = corners_at({nan, 0.5}, {0.5, nan}, {nan, nan});
   EXPECT_EQ(mean_color(corners, &material, &image), (Linear{65535, 65535, 65535, 65535}));

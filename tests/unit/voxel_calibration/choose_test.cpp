@@ -44,6 +44,29 @@ TEST(ChoosePipeline, decides_by_the_size_and_the_channels_of_the_request) {
   EXPECT_EQ(choice({1, 1, 1e6}, true), Pipeline::kCompute);
 }
 
+TEST(ChoosePipeline, faulty_pipelines_are_left_out_with_and_without_a_calibration) {
+  const CalibrationLookup lookup = calibrated(), none;
+  DeviceFaults faults;
+  const auto decide = [&](const CalibrationLookup& by, bool attributes) {
+    return decide_pipeline(PipelineChoice::kAuto, {&kHardware, by, &faults}, {1, 1, 8e6},
+                           attributes);
+  };
+  EXPECT_EQ(decide(none, false).pipeline, Pipeline::kCompute);
+  faults.add(DevicePart::kCompute, "touch: 3 voxels, 4 on the CPU");
+  EXPECT_EQ(decide(none, false).pipeline, Pipeline::kRaster);
+  EXPECT_EQ(decide(none, false).reason,
+            "raster: the device is hardware; the device failed the self-test of compute");
+  EXPECT_EQ(decide(none, true).pipeline, Pipeline::kCompute);
+  EXPECT_EQ(decide(lookup, false).reason,
+            "cpu: predicted 65 ms, raster 98 ms (calibrated 2026-11-21); the device failed the "
+            "self-test of compute");
+  faults.add(DevicePart::kRaster, "touch: the driver crashed");
+  EXPECT_EQ(decide(none, false).pipeline, Pipeline::kCpu);
+  EXPECT_EQ(decide(none, false).reason,
+            "cpu: it makes the bytes that the device should; the device failed the self-test of "
+            "compute and raster");
+}
+
 TEST(ChoosePipeline, a_device_without_gl_has_pipeline_cpu_alone) {
   const CalibrationLookup lookup = calibrated();
   const auto decision =

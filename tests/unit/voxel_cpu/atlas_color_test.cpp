@@ -8,13 +8,16 @@
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <numbers>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/base/file.h"
 #include "server/scene/load.h"
+#include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/voxelize.h"
 #include "tests/reference/color_oracle.h"
 #include "tests/reference/texture_oracle.h"
@@ -310,6 +313,28 @@ TEST(AtlasColor, colours_do_not_depend_on_the_number_of_threads) {
     const auto five = Voxelizer(nullptr, 5).voxelize(scene, options, {}, nullptr);
     ASSERT_TRUE(one.ok() && five.ok());
     EXPECT_EQ(one->tiles, five->tiles);
+  }
+}
+
+// Sizes at which most triangles are smaller than a cell, about as large, and larger than a vector.
+TEST(AtlasColor, attributes_are_the_same_by_every_instruction_set) {
+  const Scene scene = atlas_ball({.quads = 5});
+  for (const int size : {12, 90, 400}) {
+    for (const bool has_color : {false, true}) {
+      VoxelizeOptions options;
+      options.placement.size = size;
+      options.channels = ChannelSet{.color = has_color, .normal = true};
+      options.pipeline = PipelineChoice::kCompute;  // the device, which is a CpuPipeline here
+      std::vector<SparseTile> expected;
+      for (const CpuIsa isa : supported_cpu_isas()) {
+        auto pipeline = std::make_unique<CpuPipeline>(1, isa);
+        auto grid = Voxelizer(std::move(pipeline)).voxelize(scene, options, {}, nullptr);
+        ASSERT_TRUE(grid.ok());
+        if (isa == CpuIsa::kPortable) expected = grid->tiles;
+        ASSERT_EQ(grid->tiles, expected) << size << ' ' << cpu_isa_name(isa);
+      }
+      ASSERT_FALSE(expected.empty());
+    }
   }
 }
 

@@ -14,12 +14,12 @@
 namespace voxeld {
 namespace {
 
-constexpr int kSide = 16384;
+constexpr int kLargeSide = 16384;
 using Cells = std::set<std::array<int, 3>>;
 
 GridSpec large_grid() {
   GridSpec spec;
-  spec.dims = glm::ivec3(kSide);
+  spec.dims = glm::ivec3(kLargeSide);
   return spec;
 }
 
@@ -61,7 +61,7 @@ Cells expected_cells(const SnappedMesh& mesh) {
       high = glm::max(high, q);
     }
     low = glm::max((low >> 8) - 1, glm::ivec3(0));
-    high = glm::min((high >> 8) + 1, glm::ivec3(kSide - 1));
+    high = glm::min((high >> 8) + 1, glm::ivec3(kLargeSide - 1));
     for (int z = low.z; z <= high.z; ++z) {
       for (int y = low.y; y <= high.y; ++y) {
         for (int x = low.x; x <= high.x; ++x) {
@@ -75,14 +75,14 @@ Cells expected_cells(const SnappedMesh& mesh) {
 
 TEST(LargeGrid, small_triangles_everywhere_agree_with_the_oracle) {
   std::mt19937_64 random(1);
-  std::uniform_real_distribution<double> place(0, kSide), step(-9, 9);
+  std::uniform_real_distribution<double> place(0, kLargeSide), step(-9, 9);
   std::vector<glm::dvec3> corners;
   for (int t = 0; t < 400; ++t) {
     glm::dvec3 centre(place(random), place(random), place(random));
-    if (t % 4 == 0) centre = glm::dvec3(kSide) - centre / 1000.0;
+    if (t % 4 == 0) centre = glm::dvec3(kLargeSide) - centre / 1000.0;
     for (int i = 0; i < 3; ++i) {
       const glm::dvec3 corner = centre + glm::dvec3(step(random), step(random), step(random));
-      corners.push_back(glm::clamp(corner, glm::dvec3(0), glm::dvec3(kSide)));
+      corners.push_back(glm::clamp(corner, glm::dvec3(0), glm::dvec3(kLargeSide)));
     }
   }
   const SnappedMesh mesh = snapped(corners);
@@ -125,7 +125,7 @@ TEST(LargeGrid, long_slivers_agree_with_the_oracle_along_all_their_length) {
                                            at.z + n / 9 - 1};
           if (cell[0] % 1000 >= 40 || cell[1] % 1000 >= 90) continue;
           if (*std::min_element(cell.begin(), cell.end()) < 0) continue;
-          if (*std::max_element(cell.begin(), cell.end()) >= kSide) continue;
+          if (*std::max_element(cell.begin(), cell.end()) >= kLargeSide) continue;
           if (reference::touches(doubled, cell)) expected.insert(cell);
         }
       }

@@ -96,19 +96,19 @@ TEST(NearestColor, keeps_alpha_where_some_colour_has_one) {
   EXPECT_EQ(colors_of(scene, nearest_in({2, 2, 1})).at({0, 0, 0})[3], 64);
 }
 
-struct Soup {
+struct ColoredSoup {
   Scene scene;
   std::vector<reference::Triangle> triangles;
   std::vector<std::array<glm::vec4, 3>> colors;
 };
 
 // Large and small triangles, slivers, segments and points; no dark colours, where sRGB is steep.
-Soup make_soup(uint32_t seed, int count, double extent) {
+ColoredSoup make_soup(uint32_t seed, int count, double extent) {
   std::mt19937 random(seed);
   const auto uniform = [&](double low, double high) {
     return low + (high - low) * static_cast<double>(random()) / 4294967296.0;
   };
-  Soup soup;
+  ColoredSoup soup;
   for (int t = 0; t < count; ++t) {
     const double size = t % 4 == 0 ? extent : t % 4 == 1 ? 0.3 : 3.0;
     const glm::dvec3 at(uniform(0, extent), uniform(0, extent), uniform(0, extent));
@@ -141,7 +141,7 @@ Soup make_soup(uint32_t seed, int count, double extent) {
 }
 
 // The largest difference between a colour and that of a triangle at a point.
-double difference(const Color& got, const Soup& soup, const reference::SurfacePoint& point) {
+double difference(const Color& got, const ColoredSoup& soup, const reference::SurfacePoint& point) {
   double largest = 0;
   for (int c = 0; c < 3; ++c) {
     double linear = 0;
@@ -157,7 +157,7 @@ double difference(const Color& got, const Soup& soup, const reference::SurfacePo
 TEST(NearestColor, is_that_of_the_nearest_point_by_the_oracle) {
   for (const uint32_t seed : {1u, 2u, 3u}) {
     constexpr int kSide = 24;
-    Soup soup = make_soup(seed, 240, kSide);
+    ColoredSoup soup = make_soup(seed, 240, kSide);
     const VoxelizeOptions options = nearest_in({kSide, kSide, kSide});
     const auto colors = colors_of(soup.scene, options);
     const auto expected = reference::points_near_centres(

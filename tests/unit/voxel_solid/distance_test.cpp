@@ -29,7 +29,7 @@ using Corners = std::vector<glm::ivec3>;  // q, three for each triangle
 constexpr int kTooFar = 40000;  // what cells beside the band have in a dense array
 
 // Large and small triangles, some without area, around a box of 24 cells.
-Corners soup(int count, unsigned seed) {
+Corners corner_soup(int count, unsigned seed) {
   std::mt19937 random(seed);
   const auto below = [&](int limit) {
     return static_cast<int>(random() % static_cast<unsigned>(limit));
@@ -119,11 +119,11 @@ void expect_like_oracle(const Corners& corners, const glm::ivec3& dims, double t
 }
 
 TEST(Distance, a_band_is_every_cell_within_the_thickness_with_its_exact_distance) {
-  expect_like_oracle(soup(40, 1), {24, 24, 24}, 1);
-  expect_like_oracle(soup(40, 2), {24, 21, 23}, 2.5);
-  expect_like_oracle(soup(6, 3), {31, 9, 24}, 3);
-  expect_like_oracle(soup(3, 4), {24, 24, 24}, 20);
-  expect_like_oracle(soup(1, 5), {24, 1, 24}, 256);
+  expect_like_oracle(corner_soup(40, 1), {24, 24, 24}, 1);
+  expect_like_oracle(corner_soup(40, 2), {24, 21, 23}, 2.5);
+  expect_like_oracle(corner_soup(6, 3), {31, 9, 24}, 3);
+  expect_like_oracle(corner_soup(3, 4), {24, 24, 24}, 20);
+  expect_like_oracle(corner_soup(1, 5), {24, 1, 24}, 256);
 }
 
 TEST(Distance, a_face_beside_the_grid_is_as_near_as_it_is) {
@@ -137,7 +137,7 @@ TEST(Distance, a_face_beside_the_grid_is_as_near_as_it_is) {
 }
 
 TEST(Distance, cells_inside_are_negative_and_the_distance_is_the_same) {
-  const Corners corners = soup(9, 6);
+  const Corners corners = corner_soup(9, 6);
   SparseTile inside;
   inside.brick_morton = {0};
   inside.masks = {BrickMask{{0xff00ff00ff00ff00, 1, 2, 3, 4, 5, 6, 7}}};
@@ -189,7 +189,7 @@ TEST(Distance, a_centre_on_the_surface_keeps_its_sign) {
 }
 
 TEST(Distance, threads_and_orders_of_triangles_and_corners_do_not_matter) {
-  const Corners corners = soup(60, 7);
+  const Corners corners = corner_soup(60, 7);
   const Dense one = band(corners, {24, 24, 24}, 3, {}, 1);
   Corners turned;
   for (size_t t = corners.size() / 3; t-- > 0;) {
@@ -199,7 +199,7 @@ TEST(Distance, threads_and_orders_of_triangles_and_corners_do_not_matter) {
 }
 
 TEST(Distance, whole_voxels_of_translation_shift_the_band_across_tiles) {
-  const Corners corners = soup(20, 8);
+  const Corners corners = corner_soup(20, 8);
   Dense here = band(corners, {30, 30, 30}, 3);
   Corners moved = corners;
   const glm::ivec3 by(245, 250, 3);
@@ -215,7 +215,7 @@ TEST(Distance, whole_voxels_of_translation_shift_the_band_across_tiles) {
 }
 
 TEST(Distance, voxels_of_masks_have_theirs_however_far_they_are) {
-  const Corners corners = soup(5, 9);
+  const Corners corners = corner_soup(5, 9);
   const FillMesh mesh = FillMesh::of(corners, 8);
   const TriangleTree tree(mesh);
   SparseTile tile;

@@ -1,6 +1,7 @@
 // The parts that fills are made of, one by one.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 

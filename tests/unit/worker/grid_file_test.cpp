@@ -34,12 +34,12 @@ Grid sheet() {
   return grid;
 }
 
-class GridFileTest : public testing::Test {
+class GridFileTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ =
-        fs::temp_directory_path() /
-        ("grid_file_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    folder_ = fs::temp_directory_path() /
+              ("grid_file_" +
+               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
     fs::remove_all(folder_);
     fs::create_directories(folder_);
   }
@@ -74,7 +74,7 @@ TEST_F(GridFileTest, has_the_bytes_of_a_container_written_at_once) {
     for (const Codec codec : {Codec::kFast, Codec::kSmall}) {
       OutputOptions options;
       options.codec = codec;
-      const auto expected = encode_native(grid, options);
+      const auto expected = encode(grid, options);
       ASSERT_TRUE(expected.ok());
       {
         GridFile file(folder_ / "grid", codec, pending);

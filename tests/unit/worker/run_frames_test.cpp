@@ -175,7 +175,7 @@ TEST_F(FramesTest, every_frame_of_an_animation_becomes_a_grid_in_one_place) {
     const Grid grid = frame_grid(k);
     EXPECT_EQ(frames_[k]["index"], k);
     EXPECT_EQ(frames_[k]["time_s"], static_cast<double>(k) / 12.0);
-    EXPECT_EQ(manifest.frames[k].grid, frames_[k]["grid"]);
+    EXPECT_EQ(manifest.frames[k].grid, frames_[k]["grid"].get<std::string>());
     EXPECT_EQ(manifest.frames[k].content_hash, content_hash(grid));
     EXPECT_EQ(manifest.frames[k].voxel_count, grid.voxel_count());
     EXPECT_EQ(grid.spec.dims, glm::ivec3(manifest.dims[0], manifest.dims[1], manifest.dims[2]));

@@ -24,7 +24,9 @@ class BrokenPipeline final : public TilePipeline {
   Status begin_job(const VoxelizePlan&, VoxelizeStats&) override {
     return Error{ErrorCode::kDeviceUnavailable, "after the raster pass: GL_CONTEXT_LOST", "", ""};
   }
-  Status run_tiles(std::span<const TileBin>, std::vector<SparseTile>&) override { return {}; }
+  Status run_tiles(std::span<const TileBin>, const Pause&, std::vector<SparseTile>&) override {
+    return {};
+  }
   void end_job() override {}
   int64_t device_bytes(const Scene&, const WantedChannels&) const override { return 0; }
   DeviceTraits traits() const override { return {}; }

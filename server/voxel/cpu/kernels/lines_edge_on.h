@@ -11,7 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/voxel/cpu/kernels/lanes.h"
+#include "server/base/simd/lanes.h"
 #include "server/voxel/cpu/kernels/morton_runs.h"
 
 namespace voxeld {

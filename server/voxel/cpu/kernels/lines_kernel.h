@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/voxel/cpu/kernels/lanes.h"
+#include "server/base/simd/lanes.h"
 #include "server/voxel/cpu/kernels/lines_edge_on.h"
 #include "server/voxel/cpu/kernels/lines_large.h"
 #include "server/voxel/cpu/kernels/lines_small.h"

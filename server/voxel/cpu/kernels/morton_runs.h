@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/voxel/cpu/kernels/lanes.h"
+#include "server/base/simd/lanes.h"
 
 namespace voxeld {
 namespace {

@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/voxel/cpu/kernels/lanes.h"
+#include "server/base/simd/lanes.h"
 #include "server/voxel/cpu/kernels/touch_kernel.h"
 
 namespace voxeld {

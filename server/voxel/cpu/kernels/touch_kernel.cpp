@@ -4,21 +4,23 @@
 
 namespace voxeld {
 
+namespace {
+
+// In the order of CpuIsa.
+constexpr const TouchKernel* kTouchKernels[] = {
+    &kTouchKernelPortable,
+#if defined(__x86_64__)
+    &kTouchKernelSse4,
+    &kTouchKernelAvx2,
+    &kTouchKernelAvx512,
+#endif
+};
+
+}  // namespace
+
 const TouchKernel& touch_kernel(CpuIsa isa) {
   VOXELD_CHECK(cpu_isa_supported(isa), "instructions that this machine does not have");
-#if defined(__x86_64__)
-  switch (isa) {
-    case CpuIsa::kPortable:
-      return kTouchKernelPortable;
-    case CpuIsa::kSse4:
-      return kTouchKernelSse4;
-    case CpuIsa::kAvx2:
-      return kTouchKernelAvx2;
-    case CpuIsa::kAvx512:
-      return kTouchKernelAvx512;
-  }
-#endif
-  return kTouchKernelPortable;
+  return *kTouchKernels[static_cast<size_t>(isa)];
 }
 
 }  // namespace voxeld

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/voxel/cpu/kernels/cpu_isa.h"
+#include "server/base/simd/cpu_isa.h"
 
 namespace voxeld {
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/voxel/cpu/kernels/lanes.h"
+#include "server/base/simd/lanes.h"
 #include "server/voxel/cpu/kernels/lines_kernel.h"
 #include "server/voxel/cpu/kernels/morton_runs.h"
 #include "server/voxel/cpu/kernels/row_words.h"

@@ -39,14 +39,15 @@ Result<std::vector<SparseTile>> BatchBricks::run(const gpu::Buffer& masks,
   ranks_.bind_storage(BATCH_BRICK_RANKS);
   tiles_.bind_storage(BATCH_TILES);
   const auto groups = static_cast<int64_t>(bins.size()) * (BATCH_TILE_BRICKS / BATCH_GROUP_SIZE);
-  timer.begin("bricks");
-  find->use();
-  find->dispatch(groups);
-  context_->gl().MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
-  scan->use();
-  scan->dispatch(static_cast<int64_t>(bins.size()));
-  context_->gl().MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
-  timer.end();
+  {
+    const gpu::PassTimer::Pass pass = timer.measure("bricks");
+    find->use();
+    find->dispatch(groups);
+    context_->gl().MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+    scan->use();
+    scan->dispatch(static_cast<int64_t>(bins.size()));
+    context_->gl().MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
+  }
   // The last batch's capacity mostly suffices. Then the gather need not wait for the counts.
   VOXELD_TRY(gather(std::max(capacity_, kBricksMin), groups, timer));
   std::vector<shared::BatchTile> found(bins.size());
@@ -83,10 +84,11 @@ Status BatchBricks::gather(size_t bricks, int64_t groups, gpu::PassTimer& timer)
                  std::span<const uint32_t>(&capacity, 1));
   mortons_.bind_storage(BATCH_MORTONS);
   bricks_.bind_storage(BATCH_BRICKS);
-  timer.begin("gather");
-  program->use();
-  program->dispatch(groups);
-  timer.end();
+  {
+    const gpu::PassTimer::Pass pass = timer.measure("gather");
+    program->use();
+    program->dispatch(groups);
+  }
   context_->gl().MemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
   return {};
 }

@@ -67,14 +67,15 @@ Status BatchOctree::dispatch(const gpu::Buffer& masks, size_t tiles, bool has_at
   count_.bind_storage(OCTREE_COUNT);
   const auto groups = static_cast<int64_t>(tiles) * (BATCH_TILE_BRICKS / BATCH_GROUP_SIZE);
   const gpu::GlApi& gl = context_->gl();
-  timer.begin("octree");
-  find->dispatch(groups);
-  gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
-  levels->dispatch(static_cast<int64_t>(tiles));
-  gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
-  leaves->dispatch(groups);
-  gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
-  timer.end();
+  {
+    const gpu::PassTimer::Pass pass = timer.measure("octree");
+    find->dispatch(groups);
+    gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+    levels->dispatch(static_cast<int64_t>(tiles));
+    gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+    leaves->dispatch(groups);
+    gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
+  }
   return context_->check("building octrees");
 }
 

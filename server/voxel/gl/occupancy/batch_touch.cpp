@@ -31,8 +31,8 @@ size_t list_items(size_t needed, size_t limit) {
 }  // namespace
 
 BatchTouch::BatchTouch(const gpu::Context& context, gpu::ShaderLibrary& shaders,
-                       const GlTuning& tuning)
-    : context_(&context), shaders_(&shaders), tuning_(tuning), mesh_(context) {}
+                       const GlTuning& tuning, const DispatchPace& pace)
+    : context_(&context), shaders_(&shaders), tuning_(tuning), pace_(&pace), mesh_(context) {}
 
 int64_t BatchTouch::storage_bytes() const {
   const int64_t limit = context_->info().ssbo_bytes_max;
@@ -88,38 +88,62 @@ Status BatchTouch::run(std::span<const TileBin> bins, gpu::PassTimer& timer) {
   const size_t limit = static_cast<size_t>(storage_bytes()) / kItemBytes;
   size_t pairs = 0;
   for (const TileBin& bin : bins) pairs += bin.triangles.size();
-  size_t pairs_max = std::clamp<size_t>(pairs, 1, mesh_.pairs_max());
+  size_t pairs_max = std::clamp<size_t>(pairs, 1, std::min(mesh_.pairs_max(), pace_->triangles()));
   size_t small_needed = pairs, large_needed = pairs;
+  values_.dispatch_items =
+      static_cast<uint32_t>(pace_->items(BATCH_BLOCK_COLUMNS * BATCH_BLOCK_COLUMNS));
   for (;;) {
     const size_t small = list_items(small_needed, limit), large = list_items(large_needed, limit);
     VOXELD_TRY(gpu::ensure_size(small_, *context_, small * kItemBytes, "small work items"));
     VOXELD_TRY(gpu::ensure_size(large_, *context_, large * kItemBytes, "large work items"));
     values_.small_capacity = static_cast<uint32_t>(small_.size_bytes() / kItemBytes);
     values_.large_capacity = static_cast<uint32_t>(large_.size_bytes() / kItemBytes);
-    VOXELD_TRY(run_windows(bins, pairs_max, made, timer));
-    shared::BatchCounts counts{};
-    counts_.read(0, std::span(&counts, 1));
+    VOXELD_ASSIGN(const shared::BatchCounts counts, run_windows(bins, pairs_max, made, timer));
     item_count_ = counts.item_count;
     small_needed = counts.small_needed;
     large_needed = counts.large_needed;
-    if (small_needed <= values_.small_capacity && large_needed <= values_.large_capacity) {
-      return context_->check("finding touched cells");
-    }
+    if (holds(counts)) return context_->check("finding touched cells");
     // Halving ends, because a pair has at most 1024 items, which every device can hold.
     if (std::max(small_needed, large_needed) > limit) pairs_max = (pairs_max + 1) / 2;
   }
 }
 
-Status BatchTouch::run_windows(std::span<const TileBin> bins, size_t pairs_max,
-                               const Programs& programs, gpu::PassTimer& timer) {
-  const shared::BatchCounts none{};
-  counts_.upload(0, std::span<const shared::BatchCounts>(&none, 1));
+bool BatchTouch::holds(const shared::BatchCounts& counts) const {
+  return counts.small_needed <= values_.small_capacity &&
+         counts.large_needed <= values_.large_capacity;
+}
+
+Result<shared::BatchCounts> BatchTouch::run_windows(std::span<const TileBin> bins, size_t pairs_max,
+                                                    const Programs& programs,
+                                                    gpu::PassTimer& timer) {
+  shared::BatchCounts counts{};
+  counts_.upload(0, std::span<const shared::BatchCounts>(&counts, 1));
   bool is_first = true;
   for (const PairWindow& window : cut_pairs(bins, pairs_max)) {
+    if (!is_first) VOXELD_TRY(pace_->rest());
     VOXELD_TRY(run_window(window, is_first, programs, timer));
     is_first = false;
+    counts_.read(0, std::span(&counts, 1));
+    if (!holds(counts)) break;
+    VOXELD_TRY(run_rest(small_, counts.small_count, *programs.small, "small", timer));
+    VOXELD_TRY(run_rest(large_, counts.large_count, *programs.large, "large", timer));
   }
   context_->gl().MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
+  return counts;
+}
+
+Status BatchTouch::run_rest(const gpu::Buffer& items, size_t count, const gpu::Program& program,
+                            std::string_view pass, gpu::PassTimer& timer) {
+  const size_t step = values_.dispatch_items;
+  for (size_t first = step; first < count; first += step) {
+    VOXELD_TRY(pace_->rest());
+    values_.item_first = static_cast<uint32_t>(first);
+    params_.upload(0, std::span<const shared::BatchParams>(&values_, 1));
+    items.bind_storage(BATCH_ITEMS);
+    const gpu::PassTimer::Pass measured = timer.measure(pass);
+    program.dispatch((static_cast<int64_t>(std::min(step, count - first)) + BATCH_GROUP_SIZE - 1) /
+                     BATCH_GROUP_SIZE);
+  }
   return {};
 }
 
@@ -128,6 +152,7 @@ Status BatchTouch::run_window(const PairWindow& window, bool is_first, const Pro
   VOXELD_TRY(mesh_.upload(window));
   const std::array<uint32_t, kWindowCountBytes / 4> reset = {0, 0, 1, 1, 0, 0, 1, 1};
   counts_.upload(0, std::span<const uint32_t>(reset));
+  values_.item_first = 0;
   values_.group_count = static_cast<uint32_t>(mesh_.group_count());
   values_.clear_vectors =
       is_first ? values_.slot_count * static_cast<uint32_t>(kTileMaskBytes / 16) : 0;
@@ -142,20 +167,23 @@ Status BatchTouch::run_window(const PairWindow& window, bool is_first, const Pro
   const uint32_t clear_groups =
       (values_.clear_vectors + BATCH_CLEAR_VECTORS - 1) / BATCH_CLEAR_VECTORS;
   const gpu::GlApi& gl = context_->gl();
-  timer.begin("classify");
-  programs.classify->use();
-  programs.classify->dispatch(std::max(values_.group_count, clear_groups));
-  timer.end();
+  {
+    const gpu::PassTimer::Pass pass = timer.measure("classify");
+    programs.classify->use();
+    programs.classify->dispatch(std::max(values_.group_count, clear_groups));
+  }
   gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_COMMAND_BARRIER_BIT);
-  timer.begin("small");
-  small_.bind_storage(BATCH_ITEMS);
-  programs.small->dispatch_indirect(kSmallArguments);
-  timer.end();
+  {
+    const gpu::PassTimer::Pass pass = timer.measure("small");
+    small_.bind_storage(BATCH_ITEMS);
+    programs.small->dispatch_indirect(kSmallArguments);
+  }
   // No barrier is needed between the two: the lists differ, and bits are set by atomics.
-  timer.begin("large");
-  large_.bind_storage(BATCH_ITEMS);
-  programs.large->dispatch_indirect(kLargeArguments);
-  timer.end();
+  {
+    const gpu::PassTimer::Pass pass = timer.measure("large");
+    large_.bind_storage(BATCH_ITEMS);
+    programs.large->dispatch_indirect(kLargeArguments);
+  }
   gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
   return context_->check("finding touched cells of a batch");
 }

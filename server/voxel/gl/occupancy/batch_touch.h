@@ -4,10 +4,12 @@
 
 #include <cstdint>
 #include <span>
+#include <string_view>
 
 #include "proto/options/options.h"
 #include "server/gpu/pass_timer.h"
 #include "server/gpu/shader_library.h"
+#include "server/voxel/gl/occupancy/dispatch_pace.h"
 #include "server/voxel/gl/occupancy/gl_tuning.h"
 #include "server/voxel/gl/occupancy/resident_mesh.h"
 #include "server/voxel/pipelines/tile_pipeline.h"
@@ -17,7 +19,8 @@ namespace voxeld {
 
 class BatchTouch {
  public:
-  BatchTouch(const gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning);
+  BatchTouch(const gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning,
+             const DispatchPace& pace);
 
   Status begin_job(const VoxelizePlan& plan);
   void end_job() { mesh_.end_job(); }
@@ -50,15 +53,22 @@ class BatchTouch {
     const gpu::Program *classify, *small, *large;
   };
   Result<Programs> programs() const;
-  Status run_windows(std::span<const TileBin> bins, size_t pairs_max, const Programs& programs,
-                     gpu::PassTimer& timer);
+  // Runs window after window, until work items do not fit. The counts are those of the last one.
+  Result<shared::BatchCounts> run_windows(std::span<const TileBin> bins, size_t pairs_max,
+                                          const Programs& programs, gpu::PassTimer& timer);
+  // Makes the work items of a window and takes as many of each list as one dispatch does.
   Status run_window(const PairWindow& window, bool is_first, const Programs& programs,
                     gpu::PassTimer& timer);
+  // Takes the rest of a list, dispatch after dispatch.
+  Status run_rest(const gpu::Buffer& items, size_t count, const gpu::Program& program,
+                  std::string_view pass, gpu::PassTimer& timer);
+  bool holds(const shared::BatchCounts& counts) const;
   Status upload_params(std::span<const TileBin> bins);
 
   const gpu::Context* context_;
   gpu::ShaderLibrary* shaders_;
   GlTuning tuning_;
+  const DispatchPace* pace_;
   ResidentMesh mesh_;
   gpu::Buffer masks_, small_, large_, counts_, params_;
   shared::BatchParams values_{};

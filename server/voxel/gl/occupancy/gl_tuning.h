@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "server/gpu/device.h"
+#include "server/device/device.h"
 
 namespace voxeld {
 
@@ -21,6 +21,8 @@ struct GlTuning {
   std::optional<bool> float64{};
   // Tiles of a batch, 1..64; each takes 2 MiB of masks. Default: as many as a storage buffer holds.
   std::optional<size_t> batch_tiles{};
+  // Columns of cells of one dispatch. Default: as many as take some 50 ms (DispatchPace).
+  std::optional<double> dispatch_columns{};
   // Bytes of one storage buffer. Default: the device's limit.
   std::optional<int64_t> storage_bytes{};
 

@@ -1,5 +1,7 @@
 #include "server/voxel/gl/occupancy/tile_device.h"
 
+#include <algorithm>
+
 #include "server/base/check.h"
 
 namespace voxeld {
@@ -59,15 +61,22 @@ void TileDevice::bind(const shared::VoxelizeParams& params) {
   }
 }
 
-void TileDevice::run_items(const gpu::Program& program, size_t first, size_t count,
-                           shared::VoxelizeParams params) {
+Status TileDevice::run_items(const gpu::Program& program, size_t first, size_t count,
+                             shared::VoxelizeParams params) {
+  const int side = context_->info().is_software ? VOXELIZE_BLOCK_COLUMNS : kHardwareBlockColumns;
+  const size_t step = pace_->items(side * side);
   params.cell_max = cell_max_;
-  params.item_first = static_cast<uint32_t>(first);
-  params.item_count = static_cast<uint32_t>(count);
-  bind(params);
-  items_.bind_storage(VOXELIZE_ITEMS);
-  program.use();
-  program.dispatch((static_cast<int64_t>(count) + VOXELIZE_GROUP_SIZE - 1) / VOXELIZE_GROUP_SIZE);
+  for (size_t done = 0; done < count; done += step) {
+    if (done > 0) VOXELD_TRY(pace_->rest());
+    const size_t part = std::min(step, count - done);
+    params.item_first = static_cast<uint32_t>(first + done);
+    params.item_count = static_cast<uint32_t>(part);
+    bind(params);
+    items_.bind_storage(VOXELIZE_ITEMS);
+    program.use();
+    program.dispatch((static_cast<int64_t>(part) + VOXELIZE_GROUP_SIZE - 1) / VOXELIZE_GROUP_SIZE);
+  }
+  return {};
 }
 
 Status TileDevice::run_triangles(const gpu::Program& program, size_t first, size_t count,
@@ -78,8 +87,17 @@ Status TileDevice::run_triangles(const gpu::Program& program, size_t first, size
     vertex_array_ = gpu::VertexArray::create(*context_);
   }
   params.cell_max = cell_max_;
-  params.triangle_first = static_cast<uint32_t>(first);
-  bind(params);
+  const size_t step = pace_->triangles();
+  for (size_t done = 0; done < count; done += step) {
+    if (done > 0) VOXELD_TRY(pace_->rest());
+    params.triangle_first = static_cast<uint32_t>(first + done);
+    bind(params);
+    draw(program, std::min(step, count - done));
+  }
+  return {};
+}
+
+void TileDevice::draw(const gpu::Program& program, size_t triangles) const {
   framebuffer_.bind();
   vertex_array_.bind();
   const gpu::GlApi& gl = context_->gl();
@@ -88,8 +106,7 @@ Status TileDevice::run_triangles(const gpu::Program& program, size_t first, size
     gl.Disable(off);
   }
   program.use();
-  gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(3 * count));
-  return {};
+  gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(3 * triangles));
 }
 
 int64_t TileDevice::bytes() const {

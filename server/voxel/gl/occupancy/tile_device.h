@@ -11,6 +11,7 @@
 #include "proto/result.h"
 #include "server/gpu/objects.h"
 #include "server/gpu/shader_library.h"
+#include "server/voxel/gl/occupancy/dispatch_pace.h"
 #include "server/voxel/tiles/tile_mask.h"
 #include "server/voxel/triangles/tile_window.h"
 #include "shaders/shared/voxelize.h"
@@ -20,7 +21,8 @@ namespace voxeld {
 // Holds the buffers. Only the context's thread may use it.
 class TileDevice {
  public:
-  explicit TileDevice(const gpu::Context& context) : context_(&context) {}
+  TileDevice(const gpu::Context& context, const DispatchPace& pace)
+      : context_(&context), pace_(&pace) {}
 
   Status begin_tile(const glm::ivec3& cell_max);
   // Uses `masks` at `offset_bytes` as the tile's mask until the next begin_tile(). The owner of
@@ -34,9 +36,10 @@ class TileDevice {
   void read_mask(uint64_t blocks, std::span<uint32_t> out) const;
 
   // Bind triangles, items, mask and parameters, and run. They set cell_max and the range
-  // (item_first and its like) in `params`.
-  void run_items(const gpu::Program& program, size_t first, size_t count,
-                 shared::VoxelizeParams params);
+  // (item_first and its like) in `params`. What would take too long is cut into several dispatches.
+  // Errors: cancelled, between two of them.
+  Status run_items(const gpu::Program& program, size_t first, size_t count,
+                   shared::VoxelizeParams params);
   Status run_triangles(const gpu::Program& program, size_t first, size_t count,
                        shared::VoxelizeParams params);
 
@@ -46,8 +49,10 @@ class TileDevice {
 
  private:
   void bind(const shared::VoxelizeParams& params);
+  void draw(const gpu::Program& program, size_t triangles) const;
 
   const gpu::Context* context_;
+  const DispatchPace* pace_;
   gpu::Buffer triangles_, items_, mask_, params_;
   gpu::Framebuffer framebuffer_;
   gpu::VertexArray vertex_array_;

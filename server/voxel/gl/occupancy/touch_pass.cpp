@@ -50,7 +50,7 @@ Status TouchPass::run(const TileWindow& window, Pipeline pipeline, Rule rule) {
     }
     defines.insert(defines.end(), always.begin(), always.end());
     VOXELD_ASSIGN(const gpu::Program* program, shaders_->get({{"voxelize_touch.comp"}}, defines));
-    device_->run_items(*program, first, count, {});
+    VOXELD_TRY(device_->run_items(*program, first, count, {}));
   }
   return device_->context().check("finding touched cells");
 }

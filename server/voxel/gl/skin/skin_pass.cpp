@@ -159,10 +159,11 @@ Result<bool> SkinPass::run(const SkinFrame& frame, const gpu::Buffer& vertices,
   VOXELD_TRY(upload_frame(frame));
   bind(vertices);
   const auto count = static_cast<int64_t>(frame.table.vertex_count());
-  timer.begin("skin");
-  made->use();
-  made->dispatch((count + SKIN_GROUP_SIZE - 1) / SKIN_GROUP_SIZE);
-  timer.end();
+  {
+    const gpu::PassTimer::Pass pass = timer.measure("skin");
+    made->use();
+    made->dispatch((count + SKIN_GROUP_SIZE - 1) / SKIN_GROUP_SIZE);
+  }
   context_->gl().MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
   uint32_t state = 0;
   state_.read(0, std::span(&state, 1));

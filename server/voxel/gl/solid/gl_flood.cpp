@@ -98,10 +98,11 @@ Result<bool> GlFlood::run(std::span<const SparseTile> touched, const glm::ivec3&
   stats.device_bytes_peak = std::max(stats.device_bytes_peak, other_bytes + bytes(dims));
   add_stage(stats.passes, "inside_upload", watch.lap());
   gpu::PassTimer timer(*context_);
-  timer.begin("inside_flood");
-  Result<bool> ended = spread(grid, progress);
+  Result<bool> ended = [&] {
+    const gpu::PassTimer::Pass pass = timer.measure("inside_flood");
+    return spread(grid, progress);
+  }();
   if (!ended) return ended;
-  timer.end();
   for (const auto& [pass, ms] : timer.results()) add_stage(stats.passes, pass, ms);
   if (!*ended) return false;
   watch.lap();

@@ -149,9 +149,10 @@ Status GlInside::run_tile(Job& job, const Place& place) {
   }
   if (!votes) {
     if (counts) VOXELD_TRY(sweep_counts(job, place, nullptr));
-    timer_->begin("inside_cells");
-    VOXELD_TRY(passes_.make_cells(counts ? CellsOf::kCounts : CellsOf::kParity, place.cells));
-    timer_->end();
+    {
+      const gpu::PassTimer::Pass pass = timer_->measure("inside_cells");
+      VOXELD_TRY(passes_.make_cells(counts ? CellsOf::kCounts : CellsOf::kParity, place.cells));
+    }
     take_tile(job, place);
     return {};
   }
@@ -159,17 +160,17 @@ Status GlInside::run_tile(Job& job, const Place& place) {
 }
 
 Status GlInside::vote(Job& job, const Place& place) {
-  timer_->begin("inside_cells");
-  VOXELD_TRY(passes_.make_cells(CellsOf::kVote, place.cells));
-  timer_->end();
+  {
+    const gpu::PassTimer::Pass pass = timer_->measure("inside_cells");
+    VOXELD_TRY(passes_.make_cells(CellsOf::kVote, place.cells));
+  }
   SparseTile doubtful;
   count_votes(job, place, doubtful);
   if (job.sweeps.counts) {
     VOXELD_TRY(sweep_counts(job, place, &doubtful));
     if (!doubtful.empty()) {
-      timer_->begin("inside_cells");
+      const gpu::PassTimer::Pass pass = timer_->measure("inside_cells");
       VOXELD_TRY(passes_.make_cells(CellsOf::kMix, place.cells));
-      timer_->end();
     }
   }
   take_tile(job, place);
@@ -247,16 +248,16 @@ Status GlInside::sweep_parity(Job& job, const Place& place, int axis) {
     Stopwatch watch;
     next = fill_sweep_window(job.in.mesh, list, next, target, window_);
     add_stage(job.host, "inside_items", watch.lap());
-    timer_->begin("inside_crossings");
+    const gpu::PassTimer::Pass pass = timer_->measure("inside_crossings");
     VOXELD_TRY(passes_.mark_parity(window_, target));
-    timer_->end();
   }
   const size_t slot = axis == 0   ? x_slot(job.tile_dims, place.tile)
                       : axis == 1 ? y_slot(place.tile)
                                   : 0;
-  timer_->begin("inside_sweep");
-  VOXELD_TRY(passes_.scan_parity(axis, slot));
-  timer_->end();
+  {
+    const gpu::PassTimer::Pass pass = timer_->measure("inside_sweep");
+    VOXELD_TRY(passes_.scan_parity(axis, slot));
+  }
   return {};
 }
 
@@ -277,9 +278,8 @@ Status GlInside::sweep_counts(Job& job, const Place& place, const SparseTile* wa
     if (!is_marked && !is_asked) continue;
     slab_thresholds_.clear();
     if (is_asked && thresholds_.any()) slab_thresholds(job, place, slab, wanted);
-    timer_->begin("inside_sweep");
+    const gpu::PassTimer::Pass pass = timer_->measure("inside_sweep");
     VOXELD_TRY(passes_.scan_counts(slab, job.in.sign, slab_thresholds_));
-    timer_->end();
   }
   return {};
 }
@@ -293,9 +293,8 @@ Status GlInside::mark_slab(Job& job, const SweepBins& bins, const FillMesh& mesh
     Stopwatch watch;
     next = fill_sweep_window(mesh, list, next, target, window_);
     add_stage(job.host, "inside_items", watch.lap());
-    timer_->begin("inside_crossings");
+    const gpu::PassTimer::Pass pass = timer_->measure("inside_crossings");
     VOXELD_TRY(passes_.mark_counts(window_, target));
-    timer_->end();
     is_marked = true;
   }
   return {};

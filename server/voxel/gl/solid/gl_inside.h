@@ -1,4 +1,4 @@
-// The inside of a mesh by passes on a device, tile by tile, with the tiles of find_inside() in
+// The inside of a mesh by passes on a device, tile by tile, with the tiles of InsideFinder in
 // solid/inside.h. Two parts stay on the CPU: thresholds of winding numbers, whose solid angles are
 // doubles, and crossings of triangles that are too large for 64 bits.
 #pragma once

@@ -1,5 +1,5 @@
 // The inside of one tile column along z, made tile by tile upwards: the work of one thread of
-// find_inside().
+// InsideFinder.
 #pragma once
 
 #include <array>

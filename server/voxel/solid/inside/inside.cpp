@@ -15,43 +15,69 @@ namespace {
 // If there are fewer columns than this for each thread, a column is shared among threads by rows.
 constexpr size_t kColumnsPerThread = 2;
 
-// The tiles of one column while they are made.
-struct ColumnTiles {
-  ColumnTiles(size_t tiles, size_t lanes) : whole(tiles) {
-    for (size_t i = 0; i < tiles; ++i) bits.emplace_back(lanes);
+}  // namespace
+
+// The tiles of one column while they are made. Empty between columns.
+class ColumnTiles {
+ public:
+  // lanes: of each tile.
+  explicit ColumnTiles(size_t lanes) : lanes_(lanes) {}
+
+  // For columns of so many tiles.
+  void resize(size_t tiles) {
+    while (bits_.size() < tiles) bits_.emplace_back(lanes_);
+    whole_.assign(tiles, 0);
   }
-  std::vector<TileBits> bits;
-  std::vector<int> whole;  // 1: entirely inside
+  size_t lanes() const { return lanes_; }
+  std::span<TileBits> bits() { return std::span(bits_).first(whole_.size()); }
+  std::vector<int>& whole() { return whole_; }
 
   void move_to(const TriangleColumns& columns, size_t column, std::vector<SparseTile>& out) {
     const ColumnWindow window = columns.window(column);
-    for (size_t z = 0; z < bits.size(); ++z) {
+    for (size_t z = 0; z < whole_.size(); ++z) {
       SparseTile tile;
       tile.coord = {window.u_first / limits::kTileSide, window.v_first / limits::kTileSide,
                     static_cast<int32_t>(z)};
-      bits[z].move_to(tile);
-      if (whole[z] != 0) tile.full.push_back({0, kTileLevels});
-      whole[z] = 0;
+      bits_[z].move_to(tile);
+      if (whole_[z] != 0) tile.full.push_back({0, kTileLevels});
+      whole_[z] = 0;
       if (!tile.empty()) out.push_back(std::move(tile));
     }
   }
+
+ private:
+  size_t lanes_;
+  std::vector<TileBits> bits_;
+  std::vector<int> whole_;  // 1: entirely inside
 };
 
-struct Worker {
-  ColumnMaker maker;
-  std::unique_ptr<ColumnTiles> column;
-  std::vector<SparseTile> tiles;
-  AxisVotes votes;
+struct InsideFinder::Memory {
+  struct OfThread {
+    ColumnMaker maker;
+    ColumnTiles column{1};
+    std::vector<SparseTile> tiles;
+  };
+  explicit Memory(size_t threads) : workers(threads), shared(threads) {}
+
+  std::vector<OfThread> workers;
+  ColumnTiles shared;  // of a column that all threads work at
 };
 
-class InsideRun {
+class InsideFinder::Run {
  public:
-  InsideRun(const InsideJob& job, ThreadTeam& team)
-      : plan_(job, team), team_(team), workers_(static_cast<size_t>(team.threads())) {}
+  Run(const InsideJob& job, ThreadTeam& team, Memory& memory)
+      : plan_(job, team),
+        team_(team),
+        workers_(memory.workers),
+        shared_(memory.shared),
+        votes_(workers_.size()) {}
 
-  Status run(const ColumnProgress& progress, const TakeInside& take) {
+  Status run(const ColumnProgress& progress, const Take& take) {
     const size_t columns = plan_.triangles.count();
+    const auto tiles_z = static_cast<size_t>(plan_.tiles_z());
     const bool alone = columns >= kColumnsPerThread * workers_.size();
+    if (!alone) shared_.resize(tiles_z);
+    for (auto& worker : workers_) worker.column.resize(alone ? tiles_z : 0);
     const size_t step = alone ? kColumnsPerThread * workers_.size() : 1;
     for (size_t first = 0; first < columns; first += step) {
       if (alone) {
@@ -59,30 +85,28 @@ class InsideRun {
       } else {
         run_shared(first);
       }
-      for (Worker& worker : workers_) take(std::exchange(worker.tiles, {}));
+      for (auto& worker : workers_) take(std::exchange(worker.tiles, {}));
       if (progress) VOXELD_TRY(progress(std::min(first + step, columns)));
     }
     return {};
   }
 
   void add_votes(AxisVotes& votes) const {
-    for (const Worker& worker : workers_) {
-      votes.inside += worker.votes.inside;
-      votes.disagree += worker.votes.disagree;
+    for (const AxisVotes& of_thread : votes_) {
+      votes.inside += of_thread.inside;
+      votes.disagree += of_thread.disagree;
     }
   }
 
  private:
-  size_t tiles_z() const { return static_cast<size_t>(plan_.tiles_z()); }
-
   void run_columns(size_t first, size_t last) {
     std::atomic<size_t> next = first;
     team_.run(team_.threads(), [&](int index) {
-      Worker& worker = workers_[static_cast<size_t>(index)];
-      if (!worker.column) worker.column = std::make_unique<ColumnTiles>(tiles_z(), 1);
-      ColumnTiles& column = *worker.column;
+      const auto thread = static_cast<size_t>(index);
+      auto& worker = workers_[thread];
+      ColumnTiles& column = worker.column;
       for (size_t i = next++; i < last; i = next++) {
-        worker.maker.run(plan_, i, {}, column.bits, column.whole, worker.votes);
+        worker.maker.run(plan_, i, {}, column.bits(), column.whole(), votes_[thread]);
         column.move_to(plan_.triangles, i, worker.tiles);
       }
     });
@@ -91,22 +115,21 @@ class InsideRun {
   void run_shared(size_t column) {
     // The sweeps of the axes carry state from row to row along y, so they cannot share a column.
     const size_t parts = plan_.needs_axes() ? 1 : workers_.size();
-    if (!shared_) shared_ = std::make_unique<ColumnTiles>(tiles_z(), parts);
     team_.run(static_cast<int>(parts), [&](int index) {
-      Worker& worker = workers_[static_cast<size_t>(index)];
-      const ColumnShare share = {static_cast<size_t>(index), parts};
-      worker.maker.run(plan_, column, share, shared_->bits, shared_->whole, worker.votes);
+      const auto thread = static_cast<size_t>(index);
+      const ColumnShare share = {thread, parts};
+      workers_[thread].maker.run(plan_, column, share, shared_.bits(), shared_.whole(),
+                                 votes_[thread]);
     });
-    shared_->move_to(plan_.triangles, column, workers_.front().tiles);
+    shared_.move_to(plan_.triangles, column, workers_.front().tiles);
   }
 
   InsidePlan plan_;
   ThreadTeam& team_;
-  std::vector<Worker> workers_;
-  std::unique_ptr<ColumnTiles> shared_;
+  std::vector<Memory::OfThread>& workers_;
+  ColumnTiles& shared_;
+  std::vector<AxisVotes> votes_;  // by thread
 };
-
-}  // namespace
 
 const SparseTile* SurfaceTiles::find(const glm::ivec3& coord) const {
   for (const SparseTile& tile : tiles) {
@@ -140,18 +163,27 @@ size_t tile_column_count(const glm::ivec3& dims) {
   return tiles(dims.x) * tiles(dims.y);
 }
 
-Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
-                   std::vector<SparseTile>& tiles, AxisVotes& votes) {
+InsideFinder::InsideFinder(ThreadTeam& team) : team_(team) {}
+
+InsideFinder::~InsideFinder() = default;
+
+Status InsideFinder::find(const InsideJob& job, const ColumnProgress& progress,
+                          std::vector<SparseTile>& tiles, AxisVotes& votes) {
   const auto append = [&](std::vector<SparseTile> made) {
     std::ranges::move(made, std::back_inserter(tiles));
   };
-  return find_inside(job, team, progress, append, votes);
+  return find(job, progress, append, votes);
 }
 
-Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
-                   const TakeInside& take, AxisVotes& votes) {
-  InsideRun run(job, team);
-  VOXELD_TRY(run.run(progress, take));
+Status InsideFinder::find(const InsideJob& job, const ColumnProgress& progress, const Take& take,
+                          AxisVotes& votes) {
+  // An exception in the middle of a column drops the memory: it is not clean then.
+  std::unique_ptr<Memory> memory = std::exchange(memory_, nullptr);
+  if (!memory) memory = std::make_unique<Memory>(static_cast<size_t>(team_.threads()));
+  Run run(job, team_, *memory);
+  const Status done = run.run(progress, take);
+  memory_ = std::move(memory);
+  VOXELD_TRY(done);
   run.add_votes(votes);
   return {};
 }

@@ -65,7 +65,7 @@ BrickMask brick_of_row(const BrickRow& rows, int brick_x) {
 void ToggleVolume::clear(size_t row) {
   if (!used_[row]) return;
   used_[row] = false;
-  std::memset(&words_[row * kBrickRowWords], 0, kBrickRowWords * sizeof(uint64_t));
+  std::memset(words_.data() + row * kBrickRowWords, 0, kBrickRowWords * sizeof(uint64_t));
 }
 
 void TileBits::add_row(size_t lane_index, int brick_y, int brick_z, const BrickRow& rows) {

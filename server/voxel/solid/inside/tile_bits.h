@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
+#include "server/base/huge_array.h"
 #include "server/voxel/solid/inside/crossings.h"
 
 namespace voxeld {
@@ -34,16 +35,16 @@ class ToggleVolume {
   void toggle(uint32_t x, uint32_t y, uint32_t z) {
     const size_t row = size_t{z >> 3} * kTileBricks + (y >> 3);
     used_[row] = true;
-    words_[row * kBrickRowWords + ((z & 7) * 8 + (y & 7)) * kBlockRowWords + (x >> 6)] ^=
+    words_.data()[row * kBrickRowWords + ((z & 7) * 8 + (y & 7)) * kBlockRowWords + (x >> 6)] ^=
         uint64_t{1} << (x & 63);
   }
   bool used(size_t row) const { return used_[row]; }
-  const uint64_t* row(size_t row) const { return &words_[row * kBrickRowWords]; }
+  const uint64_t* row(size_t row) const { return words_.data() + row * kBrickRowWords; }
   // Resets a row to 0. Cheap if nothing was toggled in it.
   void clear(size_t row);
 
  private:
-  std::vector<uint64_t> words_;
+  HugeArray words_;
   std::array<bool, size_t{kTileBricks} * kTileBricks> used_{};  // index: z/8 * 32 + y/8
 };
 

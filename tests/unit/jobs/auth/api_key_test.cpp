@@ -10,8 +10,8 @@
 namespace voxeld {
 namespace {
 
-constexpr int64_t kHourMs = 3600 * 1000;
-constexpr int64_t kNow = 1'763'778'000'000;  // 2025-11-22 02:20 UTC
+constexpr int64_t kExpiryHourMs = 3600 * 1000;
+constexpr int64_t kNowMs = 1'763'778'000'000;  // 2025-11-22 02:20 UTC
 
 TEST(ApiKey, a_new_key_has_256_random_bits_and_comes_apart_again) {
   std::set<std::string> texts;
@@ -50,13 +50,13 @@ TEST(ApiKey, texts_are_equal_when_all_of_their_bytes_are) {
 
 TEST(ApiKey, a_key_lives_until_it_expires_or_is_revoked) {
   ApiKey key;
-  EXPECT_TRUE(key.is_live(kNow));
-  key.expires_ms = kNow + 1;
-  EXPECT_TRUE(key.is_live(kNow));
-  EXPECT_FALSE(key.is_live(kNow + 1));
+  EXPECT_TRUE(key.is_live(kNowMs));
+  key.expires_ms = kNowMs + 1;
+  EXPECT_TRUE(key.is_live(kNowMs));
+  EXPECT_FALSE(key.is_live(kNowMs + 1));
   key.expires_ms = 0;
-  key.revoked_ms = kNow;
-  EXPECT_FALSE(key.is_live(kNow));
+  key.revoked_ms = kNowMs;
+  EXPECT_FALSE(key.is_live(kNowMs));
 }
 
 TEST(ApiKey, names_of_tenants_are_plain) {
@@ -74,18 +74,18 @@ TEST(ApiKey, names_of_tenants_are_plain) {
 }
 
 TEST(ApiKey, an_expiry_is_a_time_from_now_or_a_day) {
-  EXPECT_EQ(parse_expiry("1h", kNow).value(), kNow + kHourMs);
-  EXPECT_EQ(parse_expiry("30d", kNow).value(), kNow + 30 * 24 * kHourMs);
-  EXPECT_EQ(parse_expiry("2w", kNow).value(), kNow + 14 * 24 * kHourMs);
-  EXPECT_EQ(parse_expiry("2026-01-01", kNow).value(), 1'767'225'600'000);
-  EXPECT_EQ(parse_expiry("2028-02-29", kNow).value(), 1'835'395'200'000);
+  EXPECT_EQ(parse_expiry("1h", kNowMs).value(), kNowMs + kExpiryHourMs);
+  EXPECT_EQ(parse_expiry("30d", kNowMs).value(), kNowMs + 30 * 24 * kExpiryHourMs);
+  EXPECT_EQ(parse_expiry("2w", kNowMs).value(), kNowMs + 14 * 24 * kExpiryHourMs);
+  EXPECT_EQ(parse_expiry("2026-01-01", kNowMs).value(), 1'767'225'600'000);
+  EXPECT_EQ(parse_expiry("2028-02-29", kNowMs).value(), 1'835'395'200'000);
 }
 
 TEST(ApiKey, an_expiry_that_is_none_or_past_is_refused_with_what_was_expected) {
   for (const char* text : {"", "d", "0d", "-1d", "30", "1.5d", "1m", "d30", "99999999999999999999d",
                            "900000d", "2025-11-22", "2020-01-01", "2027-02-29", "2026-13-01",
                            "2026-1-1", "2026/01/01", "9999-01-01", "2026-01-01T00:00"}) {
-    const auto refused = parse_expiry(text, kNow);
+    const auto refused = parse_expiry(text, kNowMs);
     ASSERT_FALSE(refused) << text;
     EXPECT_EQ(refused.error().code, ErrorCode::kInvalidOption);
     EXPECT_EQ(refused.error().message(),

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <fstream>
 #include <string>
+#include <thread>
 
 #include "server/base/clock.h"
 #include "server/jobs/auth/key_file.h"
@@ -37,8 +39,9 @@ class KeyRingTest : public ::testing::Test {
       return {};
     }));
   }
-  std::unique_ptr<KeyRing> open() {
-    auto ring = KeyRing::open(dir_.path());
+  // With every call looking at the file.
+  std::unique_ptr<KeyRing> open(std::chrono::milliseconds check_interval = {}) {
+    auto ring = KeyRing::open(dir_.path(), check_interval);
     EXPECT_TRUE(ring) << ring.error().message();
     return *std::move(ring);
   }
@@ -105,6 +108,28 @@ TEST_F(KeyRingTest, added_and_revoked_keys_count_at_once) {
   revoke(second);
   EXPECT_FALSE(ring->admit("")) << "without any live key it does not become open";
   EXPECT_TRUE(open()->needs_keys());
+}
+
+TEST_F(KeyRingTest, within_the_interval_new_keys_count_and_revoked_ones_still_do) {
+  const std::string first = add("lab");
+  const auto ring = open(std::chrono::hours(1));
+  EXPECT_TRUE(ring->admit(first));
+  const std::string second = add("lab");
+  EXPECT_TRUE(ring->admit(second)) << "before it is refused the file is read";
+  revoke(first);
+  EXPECT_TRUE(ring->admit(first));
+  EXPECT_TRUE(ring->is_live(split_key(first).id));
+  EXPECT_FALSE(ring->admit("unknown"));
+  EXPECT_FALSE(ring->admit(first)) << "the refusal has read the file";
+}
+
+TEST_F(KeyRingTest, after_the_interval_a_revoked_key_is_refused) {
+  const std::string key = add("lab");
+  const auto ring = open(std::chrono::milliseconds(1));
+  EXPECT_TRUE(ring->admit(key));
+  revoke(key);
+  std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  EXPECT_FALSE(ring->admit(key));
 }
 
 TEST_F(KeyRingTest, a_file_that_breaks_or_goes_while_the_daemon_runs_admits_nobody) {

@@ -311,6 +311,27 @@ TEST_P(DatabaseConformance, the_generation_grows_with_commits_that_change_rows) 
   EXPECT_EQ(generation(), told[1]);
 }
 
+TEST_P(DatabaseConformance, a_commit_that_is_durable_soon_is_seen_at_once) {
+  const auto put_soon = [&](std::string_view id) {
+    return database_->write([&](SqlConnection& c) { return put_asset(c, id); }, Durability::kSoon);
+  };
+  tie_to_store(7);
+  int64_t told = 0;
+  database_->tell_generation([&](int64_t generation) { told = generation; });
+  ASSERT_TRUE(put_soon("a"));
+  EXPECT_EQ(ids(), Rows{"a"});
+  ASSERT_TRUE(database_->sync());
+  EXPECT_EQ(told, generation());
+  ASSERT_TRUE(put_soon("b"));
+  EXPECT_FALSE(put_soon("b")) << "an error undoes its own changes alone";
+  // A durable commit makes those before it durable, whether or not it changes anything.
+  ASSERT_TRUE(database_->write([](SqlConnection&) { return Status(); }));
+  EXPECT_EQ(told, generation());
+  ASSERT_TRUE(put_soon("c"));
+  open();
+  EXPECT_EQ(ids(), (Rows{"a", "b", "c"}));
+}
+
 TEST_P(DatabaseConformance, an_exception_after_the_commit_does_not_undo_it) {
   tie_to_store(1);
   database_->tell_generation([](int64_t) { throw std::runtime_error("told"); });

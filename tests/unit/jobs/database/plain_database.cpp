@@ -33,7 +33,7 @@ Result<int64_t> PlainDatabase::commit(const Operation& operation) {
   return generation;
 }
 
-Status PlainDatabase::write(const Operation& operation) {
+Status PlainDatabase::write(const Operation& operation, Durability /*durability*/) {
   const MutexLock lock(mutex_);
   VOXELD_TRY(writer_.run("BEGIN IMMEDIATE"));
   const Result<int64_t> generation = commit(operation);

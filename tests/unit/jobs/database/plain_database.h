@@ -18,7 +18,10 @@ class PlainDatabase final : public Database {
  public:
   static Result<std::unique_ptr<Database>> open(const std::filesystem::path& path);
 
-  Status write(const Operation& operation) override EXCLUDES(mutex_);
+  using Database::write;
+  // Each commit is durable.
+  Status write(const Operation& operation, Durability durability) override EXCLUDES(mutex_);
+  Status sync() override { return {}; }
   Status write_freeing(const Operation& operation) override EXCLUDES(mutex_);
   void set_make_way(std::function<bool()> make_way) override { make_way_ = std::move(make_way); }
   void tell_generation(std::function<void(int64_t)> told) override { told_ = std::move(told); }

@@ -148,5 +148,23 @@ TEST(JobBoard, frames_are_counted_by_reports_and_by_listings) {
   EXPECT_EQ(again.frames_done, 0);
 }
 
+TEST(JobBoard, kept_tiles_wake_those_who_watch_progress) {
+  JobBoard board;
+  board.tiles_kept("j-1");  // of a job that does not run
+  board.start("j-1", 2);
+  const auto waker = std::make_shared<CountingWaker>();
+  const auto watch = board.watch("j-1", JobChange::kAny, waker);
+  board.progress("j-1", "voxelize", 0, 8);
+  EXPECT_EQ(waker->wakes, 1);
+  std::this_thread::sleep_for(std::chrono::milliseconds(120));
+  board.tiles_kept("j-1");
+  EXPECT_EQ(waker->wakes, 2);
+  board.tiles_kept("j-1");  // within the throttle: deferred to the next report
+  EXPECT_EQ(waker->wakes, 2);
+  std::this_thread::sleep_for(std::chrono::milliseconds(120));
+  board.progress("j-1", "voxelize", 0, 8);
+  EXPECT_EQ(waker->wakes, 3);
+}
+
 }  // namespace
 }  // namespace voxeld

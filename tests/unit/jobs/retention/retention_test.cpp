@@ -19,7 +19,7 @@
 namespace voxeld {
 namespace {
 
-constexpr int64_t kNow = std::numeric_limits<int64_t>::max();
+constexpr int64_t kEndOfTimeMs = std::numeric_limits<int64_t>::max();
 
 class RetentionTest : public ::testing::Test {
  protected:
@@ -120,7 +120,7 @@ TEST_F(RetentionTest, results_expire_by_their_last_use_and_are_gone_then) {
 TEST_F(RetentionTest, no_more_results_go_than_make_the_room_that_is_wanted) {
   for (const char* text : {"one", "two", "three"}) made("mesh", text);
   ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
-  EXPECT_EQ(retention_.expire_results(kNow, 4).value(), 2);  // three bytes are not enough
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs, 4).value(), 2);  // three bytes are not enough
   EXPECT_FALSE(stored("one"));
   EXPECT_FALSE(stored("two"));
   EXPECT_TRUE(stored("three"));
@@ -129,7 +129,7 @@ TEST_F(RetentionTest, no_more_results_go_than_make_the_room_that_is_wanted) {
 TEST_F(RetentionTest, an_expired_result_is_computed_again) {
   made("mesh", "result");
   EXPECT_TRUE(submit(sha256_id("mesh")).cached);
-  EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 1);
   EXPECT_FALSE(submit(sha256_id("mesh")).cached);
   run("result");
   EXPECT_TRUE(stored("result"));
@@ -142,10 +142,10 @@ TEST_F(RetentionTest, what_a_live_job_works_on_stays) {
   request.kind = JobKind::kExport;
   request.grid = grid.result->grid;
   submit(request);
-  EXPECT_EQ(retention_.expire_results(kNow).value(), 0);
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 0);
   EXPECT_TRUE(stored("grid"));
   run("export");
-  EXPECT_EQ(retention_.expire_results(kNow).value(), 2);
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 2);
   EXPECT_FALSE(stored("grid"));
   EXPECT_FALSE(stored("export"));
 }
@@ -181,13 +181,13 @@ TEST_F(RetentionTest, what_expired_is_not_counted_as_kept) {
   task.result.meta_json = "{}";
   ASSERT_TRUE(jobs_.complete(task, 1).value());
   EXPECT_EQ(jobs_.usage("").value().bytes, 4 + 5 + 6 + 4);  // the mesh, the frame, the result
-  EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 1);
   age_all();
-  retention_.expire_frames(kNow).value();
+  retention_.expire_frames(kEndOfTimeMs).value();
   EXPECT_EQ(jobs_.usage("").value().bytes, 4);
   // Its rows go later, and are not taken off twice.
   age_all();
-  EXPECT_EQ(retention_.trim_jobs(kNow, 100).value(), 1);
+  EXPECT_EQ(retention_.trim_jobs(kEndOfTimeMs, 100).value(), 1);
   EXPECT_EQ(count("results"), 0);
   EXPECT_EQ(jobs_.usage("").value().bytes, 4);
 }
@@ -200,12 +200,12 @@ TEST_F(RetentionTest, frames_of_failed_jobs_expire) {
   frame.fence = record.fence;
   frame.content_hash = "h";
   ASSERT_TRUE(frames_.add(frame, {put_blob("frame"), 5}, 2, 0).value());
-  EXPECT_EQ(retention_.expire_frames(kNow).value(), 0);  // it runs
+  EXPECT_EQ(retention_.expire_frames(kEndOfTimeMs).value(), 0);  // it runs
   ASSERT_TRUE(jobs_.fail(record.status.id, record.fence, {ErrorCode::kInternal, "no", "", ""}, 1));
   age_all();
-  EXPECT_EQ(retention_.expire_frames(kNow).value(), 1);
+  EXPECT_EQ(retention_.expire_frames(kEndOfTimeMs).value(), 1);
   EXPECT_FALSE(stored("frame"));
-  EXPECT_EQ(retention_.expire_frames(kNow).value(), 0);
+  EXPECT_EQ(retention_.expire_frames(kEndOfTimeMs).value(), 0);
 }
 
 TEST_F(RetentionTest, assets_expire_unless_a_job_used_them_meanwhile) {
@@ -225,16 +225,16 @@ TEST_F(RetentionTest, jobs_are_forgotten_with_all_rows_but_their_results_serve_e
   submit(put_asset("waits"));
   EXPECT_EQ(retention_.trim_jobs(1000, 100).value(), 0);
   age_all();
-  EXPECT_EQ(retention_.trim_jobs(kNow, 100).value(), 1);
+  EXPECT_EQ(retention_.trim_jobs(kEndOfTimeMs, 100).value(), 1);
   EXPECT_EQ(jobs_.get(Caller::open(), job.id).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(count("jobs"), 1);
   EXPECT_EQ(count("job_events"), 1);
   EXPECT_TRUE(stored("result"));
   EXPECT_TRUE(submit(sha256_id("mesh")).cached);
   // The last job that refers to it takes the expired row along.
-  EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 1);
   age_all();
-  EXPECT_EQ(retention_.trim_jobs(kNow, 100).value(), 1);
+  EXPECT_EQ(retention_.trim_jobs(kEndOfTimeMs, 100).value(), 1);
   EXPECT_EQ(count("results"), 0);
 }
 

@@ -128,8 +128,8 @@ TEST_F(Preemption, within_a_tenant_the_more_urgent_job_has_the_worker) {
 TEST_F(Preemption, a_deadline_in_danger_is_as_good_as_priority_against_later_ones) {
   const std::vector<StartedJob> started = {job("a")};
   expected_seconds_ = 10;
-  const auto due_in = [](double seconds) {
-    return head("a", 9, 0, 1'000'000 + static_cast<int64_t>(seconds * 1000));
+  const auto due_in = [](double due_seconds) {
+    return head("a", 9, 0, 1'000'000 + static_cast<int64_t>(due_seconds * 1000));
   };
   EXPECT_EQ(preempted({due_in(24)}, started), Indices{0});
   EXPECT_EQ(preempted({due_in(26)}, started), Indices{}) << "there is time";

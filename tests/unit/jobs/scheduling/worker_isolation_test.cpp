@@ -31,7 +31,7 @@ IdleSlot idle(int64_t connection, const std::vector<std::string>& tenants = {}) 
   return slot;
 }
 
-QueueHead head(const std::string& tenant, int64_t seq) {
+QueueHead head_of(const std::string& tenant, int64_t seq) {
   return {tenant, seq, 0, kNoDeadline, "", tenant};
 }
 
@@ -72,7 +72,7 @@ TEST(WorkerPast, an_admins_task_on_anothers_file_takes_a_fresh_process_and_is_it
 
 TEST(PickRunnableHead,
      a_tenant_without_a_worker_stays_first_and_others_take_the_remaining_workers) {
-  const std::vector<QueueHead> heads = {head("a", 1), head("b", 2)};
+  const std::vector<QueueHead> heads = {head_of("a", 1), head_of("b", 2)};
   const std::vector<IdleSlot> slots = {idle(1, {"b"}), idle(2, {"c"})};
   const auto pick = [&](size_t free, std::map<std::string, double> shares) {
     return pick_runnable_head(heads, slots, free, {}, kTenant,

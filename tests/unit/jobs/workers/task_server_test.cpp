@@ -481,6 +481,39 @@ TEST_F(TaskServerTest, a_device_that_cannot_be_opened_is_named_in_ready) {
   EXPECT_EQ(service_->workers()[0].last_error, "egl:7: no such EGL device");
 }
 
+TEST_F(TaskServerTest, a_device_that_failed_its_self_test_is_shown_from_the_start) {
+  auto fd = connect_unix(socket());
+  ASSERT_TRUE(fd);
+  FrameSocket raw(*std::move(fd), kTaskFrameBytesMax);
+  WorkerHello hello;
+  hello.pid = 1;
+  hello.device = "egl:0";
+  hello.renderer = "a GPU";
+  hello.device_failure = "self-test: raster: touch: 6 voxels, 7 on the CPU";
+  ASSERT_TRUE(raw.send(to_json_message(hello).dump()));
+  ASSERT_TRUE(raw.receive());
+  ASSERT_EQ(service_->workers().size(), 1U);
+  EXPECT_EQ(service_->workers()[0].device_failure, hello.device_failure);
+}
+
+TEST_F(TaskServerTest, a_device_that_fails_is_shown_until_it_works_again) {
+  FakeWorker worker = connect("egl:0");
+  EXPECT_EQ(service_->workers().at(0).device_failure, "");
+  const std::string id = submit();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  for (const std::string failure : {"out of device memory", ""}) {
+    const Error error{ErrorCode::kDeviceUnavailable, failure, "", ""};
+    const auto reply = worker.call(to_json_message(TaskFailure{"", 0, error}));
+    ASSERT_TRUE(reply);
+    EXPECT_EQ(reply->at("ok"), true);
+    EXPECT_EQ(service_->workers().at(0).device_failure, failure);
+    EXPECT_TRUE(service_->ready());
+  }
+  EXPECT_TRUE(worker.complete(*task, "fine"));
+  EXPECT_EQ(wait_end(id).state, JobState::kDone);
+}
+
 TEST_F(TaskServerTest, a_draining_service_takes_no_new_jobs) {
   JobRequest request;
   request.asset = put_asset("mesh");

@@ -6,10 +6,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <optional>
 #include <string>
+#include <thread>
 
 #include "server/base/file.h"
 #include "tests/unit/base/temporary_dir.h"
@@ -55,6 +57,23 @@ TEST_F(WorkerFilesTest, a_missing_blob_is_an_error) {
   const auto given = files_->hand_over(dir_.path() / "sha256-ab");
   ASSERT_FALSE(given);
   EXPECT_EQ(given.error().message(), "the file sha256-ab is not stored");
+}
+
+// Without a second try, one in a hundred fails here.
+TEST_F(WorkerFilesTest, a_blob_that_is_replaced_meanwhile_is_handed_over) {
+  const fs::path blob = write(dir_.path() / "sha256-ab", "mesh");
+  std::atomic<bool> is_over{false};
+  std::thread store([&] {
+    while (!is_over) fs::rename(write(dir_.path() / "new", "mesh"), blob);
+  });
+  int failures = 0;
+  for (int i = 0; i < 5000; ++i) {
+    if (!files_->hand_over(blob)) ++failures;
+    files_->clear();
+  }
+  is_over = true;
+  store.join();
+  EXPECT_EQ(failures, 0);
 }
 
 TEST_F(WorkerFilesTest, an_output_is_taken_out_of_reach) {

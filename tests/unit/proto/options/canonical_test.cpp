@@ -98,6 +98,45 @@ TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {
   EXPECT_EQ(canonical_of_json(shell, OptionScope::kVoxelize), shell);
 }
 
+TEST(CanonicalOptions, palettes_are_named_by_their_colours) {
+  const std::string named =
+      canonical({{"format", "vox"}, {"palette", "bw"}, {"mirror", "z,x"}, {"crop", "yes"}},
+                OptionScope::kExport);
+  EXPECT_TRUE(named.ends_with(R"("palette":"#000000,#ffffff","crop":"yes","mirror":["x","z"]})"))
+      << named;
+  EXPECT_EQ(
+      canonical(
+          {{"format", "vox"}, {"palette", "000000,FFFFFF"}, {"mirror", "x,z"}, {"crop", "yes"}},
+          OptionScope::kExport),
+      named);
+  EXPECT_EQ(canonical_of_json(named, OptionScope::kExport), named);
+}
+
+TEST(CanonicalOptions, changes_of_voxels_are_named_where_they_are_set) {
+  const std::string named = canonical({{"format", "vox"},
+                                       {"keep", "largest"},
+                                       {"hollow", "2"},
+                                       {"erode", "0"},
+                                       {"remap", "7:1,2:3"}},
+                                      OptionScope::kExport);
+  EXPECT_TRUE(named.ends_with(R"("keep":"1","hollow":2,"neighbors":"6","remap":"2:3,7:1"})"))
+      << named;
+  EXPECT_EQ(canonical_of_json(named, OptionScope::kExport), named);
+}
+
+TEST(CanonicalOptions, blocks_and_dither_are_named_where_they_are_set_and_the_version_of_schems) {
+  const std::string plain = canonical({{"format", "schem"}}, OptionScope::kExport);
+  EXPECT_TRUE(plain.ends_with(R"("palette":255,"schem_version":2})")) << plain;
+  EXPECT_EQ(canonical({{"format", "schem"}, {"dither", "none"}}, OptionScope::kExport), plain);
+  const std::string full =
+      canonical({{"format", "schem"}, {"blocks", "wool,concrete"}, {"dither", "error"}},
+                OptionScope::kExport);
+  EXPECT_TRUE(full.ends_with(
+      R"("palette":255,"blocks":["concrete","wool"],"dither":"error","schem_version":2})"))
+      << full;
+  EXPECT_EQ(canonical_of_json(full, OptionScope::kExport), full);
+}
+
 TEST(CanonicalOptions, levels_and_regions_are_named_in_every_scope_that_takes_them) {
   for (const OptionScope scope : kScopes) {
     const std::string text =
@@ -182,6 +221,30 @@ TEST(CanonicalOptions, two_requests_that_differ_give_other_bytes) {
       {{"channels", "label"}, {"labels", "group"}},
       {{"pipeline", "raster"}},
       {{"format", "npy"}},
+      {{"format", "npy"}, {"layout", "sparse"}},
+      {{"format", "glb"}},
+      {{"format", "glb"}, {"mesh", "faces"}},
+      {{"format", "ply"}, {"mesh", "faces"}},
+      {{"format", "mha"}},
+      {{"format", "mha"}, {"channel", "color"}},
+      {{"format", "nii"}, {"channel", "color"}},
+      {{"format", "glb"}, {"mesh", "instances"}},
+      {{"format", "glb"}, {"compress", "meshopt"}},
+      {{"format", "schem"}},
+      {{"format", "schem"}, {"schem_version", "3"}},
+      {{"format", "zarr"}, {"zarr_version", "2"}},
+      {{"format", "schem"}, {"dither", "bayer"}},
+      {{"format", "schem"}, {"blocks", "stone"}},
+      {{"format", "schem"}, {"blocks", "minecraft:stone"}},
+      {{"format", "litematic"}},
+      {{"format", "nbt"}},
+      {{"format", "vdb"}},
+      {{"format", "slices"}},
+      {{"format", "slices"}, {"layout", "atlas"}},
+      {{"format", "raw"}, {"channel", "color"}},
+      {{"format", "raw"}, {"dtype", "float32"}},
+      {{"format", "vox"}},
+      {{"format", "vox"}, {"dither", "error"}},
       {{"axes", "xyz"}},
       {{"dtype", "bool"}},
       {{"palette", "254"}},
@@ -200,6 +263,14 @@ TEST(CanonicalOptions, are_options_that_give_the_same_canonical_text) {
       {{"voxel_size", "0.1,0.30000000000000004,1e-9"}, {"units", "ft"}, {"color", "shaded"}},
       {{"transform", "0.1,0,0,7,0,1e-30,0,0,0,0,123456789.125,0,0,0,0,1"}, {"channels", "normal"}},
       {{"channels", "label,color"}, {"labels", "group"}},
+      {{"format", "npz"}, {"layout", "sparse"}, {"dtype", "float32"}},
+      {{"format", "obj"}, {"mesh", "smooth"}},
+      {{"format", "glb"}, {"mesh", "instances"}, {"compress", "meshopt"}},
+      {{"format", "glb"}},
+      {{"format", "nrrd"}, {"channel", "label"}, {"channels", "label"}},
+      {{"format", "nii"}},
+      {{"format", "vox"}, {"dither", "bayer"}},
+      {{"format", "schem"}, {"blocks", "red_wool,minecraft:stone,end"}, {"schem_version", "3"}},
   };
   for (const OptionPairs& pairs : grids) {
     const std::string text = canonical(pairs, OptionScope::kVoxelize);

@@ -117,12 +117,22 @@ std::string text_schema(const std::string& pattern) {
   return "type: string, pattern: " + Json("^(" + pattern + ")$").dump();
 }
 
+// "1e+30" is a string in YAML 1.1, which has many readers.
+std::string yaml_number(double value) {
+  std::string text = option_values::to_text(value);
+  const size_t exponent = text.find('e');
+  if (exponent != std::string::npos && text.find('.') == std::string::npos) {
+    text.insert(exponent, ".0");
+  }
+  return text;
+}
+
 std::string number_schema(bool is_integer, double min, double max, bool excludes_min = false) {
   std::string text = is_integer ? "type: integer" : "type: number";
   if (std::isfinite(min)) {
-    text += (excludes_min ? ", exclusiveMinimum: " : ", minimum: ") + option_values::to_text(min);
+    text += (excludes_min ? ", exclusiveMinimum: " : ", minimum: ") + yaml_number(min);
   }
-  if (std::isfinite(max)) text += ", maximum: " + option_values::to_text(max);
+  if (std::isfinite(max)) text += ", maximum: " + yaml_number(max);
   return text;
 }
 
@@ -164,6 +174,11 @@ struct Schemas {
     return schemas;
   }
   Lines operator()(const WordListValues& values) const {
+    if (!values.pattern.empty()) {
+      const std::string word(values.pattern);
+      return {"type: array, minItems: 1, items: {" + text_schema(word) + "}",
+              text_schema(word + "(," + word + ")*")};
+    }
     std::string words;
     for (const std::string_view word : values.words) {
       words += (words.empty() ? "" : "|") + std::string(word);
@@ -272,7 +287,11 @@ Lines echoed() {
   Lines lines;
   for (const Option& option : option_table()) {
     if (option.name == "cache" || option.name == "filename") continue;  // decide no result
-    lines.push_back(std::string(option.name) + ": {" + schemas_of(option)[0] + "}");
+    // A text whose default is a number is echoed as either.
+    const bool is_either = std::holds_alternative<TextValues>(option.codec.values) &&
+                           std::holds_alternative<int>(option.codec.write(RequestOptions{}));
+    lines.push_back(std::string(option.name) + ": {" +
+                    (is_either ? any_of(schemas_of(option)) : schemas_of(option)[0]) + "}");
   }
   return lines;
 }

@@ -8,21 +8,19 @@
 
 #include "proto/limits.h"
 #include "proto/options/options.h"
+#include "tests/unit/proto/options/parsed_options.h"
 
 namespace voxeld {
 namespace {
+
+using test::parsed;
 
 constexpr auto kVoxelize = OptionScope::kVoxelize;
 constexpr auto kRenderMesh = OptionScope::kRenderMesh;
 constexpr auto kRenderGrid = OptionScope::kRenderGrid;
 constexpr auto kExport = OptionScope::kExport;
 
-RequestOptions parsed(const OptionPairs& pairs, OptionScope scope) {
-  const auto options = parse_options(pairs, scope);
-  EXPECT_TRUE(options) << (options ? "" : options.error().message());
-  return options ? *options : RequestOptions{};
-}
-std::string refused(const OptionPairs& pairs, OptionScope scope) {
+std::string refusal_text(const OptionPairs& pairs, OptionScope scope) {
   const auto options = parse_options(pairs, scope);
   EXPECT_FALSE(options) << pairs[0].first;
   if (options) return "";
@@ -62,17 +60,17 @@ TEST(AnimationOptions, reach_their_fields) {
 TEST(AnimationOptions, one_time_excludes_several_and_given_times_exclude_even_ones) {
   for (const auto& [name, value] : {std::pair{"frames", "0..3"}, {"fps", "24"}, {"times", "0,1"}}) {
     EXPECT_EQ(
-        refused({{"time", "1"}, {name, value}}, kVoxelize),
+        refusal_text({{"time", "1"}, {name, value}}, kVoxelize),
         "time: expected neither frames, fps nor times with it, got \"" + std::string(name) + "\"");
   }
   for (const auto& [name, value] : {std::pair{"frames", "0..3"}, {"fps", "24"}}) {
-    EXPECT_EQ(refused({{"times", "0,1"}, {name, value}}, kRenderMesh),
+    EXPECT_EQ(refusal_text({{"times", "0,1"}, {name, value}}, kRenderMesh),
               "times: expected neither frames nor fps with it, got \"" + std::string(name) + "\"");
   }
 }
 
 TEST(AnimationOptions, root_motion_alone_says_nothing) {
-  EXPECT_EQ(refused({{"root_motion", "strip"}}, kVoxelize),
+  EXPECT_EQ(refusal_text({{"root_motion", "strip"}}, kVoxelize),
             "root_motion: expected animation, time, frames, fps or times with it, got \"none of "
             "them\"");
   for (const auto& [name, value] :
@@ -83,12 +81,12 @@ TEST(AnimationOptions, root_motion_alone_says_nothing) {
 }
 
 TEST(AnimationOptions, the_number_of_frames_has_a_limit) {
-  EXPECT_EQ(refused({{"frames", "10..4106"}}, kVoxelize),
+  EXPECT_EQ(refusal_text({{"frames", "10..4106"}}, kVoxelize),
             "frames: expected at most 4096 of them, got \"10..4106\"");
   std::string times = "0";
   for (int i = 1; i < limits::kFramesMax; ++i) times += "," + std::to_string(i);
   EXPECT_EQ(parsed({{"times", times}}, kVoxelize).animation.times_s.size(), 4096u);
-  EXPECT_EQ(refused({{"times", times + ",9999"}}, kVoxelize),
+  EXPECT_EQ(refusal_text({{"times", times + ",9999"}}, kVoxelize),
             "times: expected at most 4096 times, got \"4097\"");
 }
 
@@ -185,32 +183,33 @@ TEST(ImageOptions, images_of_a_sheet_are_small_where_nothing_else_is_said) {
 }
 
 TEST(ImageOptions, apply_to_some_images_alone) {
-  EXPECT_EQ(refused({{"rate", "5"}}, kRenderGrid),
+  EXPECT_EQ(refusal_text({{"rate", "5"}}, kRenderGrid),
             "rate: expected image gif or apng with it, got \"png\"");
-  EXPECT_EQ(refused({{"rate", "5"}, {"image", "sheet"}}, kRenderGrid),
+  EXPECT_EQ(refusal_text({{"rate", "5"}, {"image", "sheet"}}, kRenderGrid),
             "rate: expected image gif or apng with it, got \"sheet\"");
-  EXPECT_EQ(refused({{"columns", "5"}, {"image", "apng"}}, kRenderGrid),
+  EXPECT_EQ(refusal_text({{"columns", "5"}, {"image", "apng"}}, kRenderGrid),
             "columns: expected image sheet with it, got \"apng\"");
-  EXPECT_EQ(refused({{"turntable", "5"}}, kRenderGrid),
+  EXPECT_EQ(refusal_text({{"turntable", "5"}}, kRenderGrid),
             "turntable: expected image gif, apng or sheet with it, got \"png\"");
-  EXPECT_EQ(refused({{"frame", "5"}, {"image", "gif"}}, kRenderGrid),
+  EXPECT_EQ(refusal_text({{"frame", "5"}, {"image", "gif"}}, kRenderGrid),
             "frame: expected image png with it, got \"gif\"");
   EXPECT_EQ(
-      refused({{"image", "gif"}, {"turntable", "5"}, {"matrix", "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1"}},
-              kRenderGrid),
+      refusal_text(
+          {{"image", "gif"}, {"turntable", "5"}, {"matrix", "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1"}},
+          kRenderGrid),
       "turntable: expected a camera without matrix, got \"matrix\"");
 }
 
 TEST(ImageOptions, images_of_a_mesh_need_frames_or_a_turntable) {
   for (const char* image : {"gif", "apng", "sheet"}) {
     EXPECT_EQ(parsed({{"image", image}}, kRenderMesh).animation.animation, "0");
-    EXPECT_EQ(refused({{"image", image}, {"time", "1"}}, kRenderMesh),
+    EXPECT_EQ(refusal_text({{"image", image}, {"time", "1"}}, kRenderMesh),
               "image: expected frames of an animation, or turntable with it, got \"" +
                   std::string(image) + "\"");
     EXPECT_FALSE(parsed({{"image", image}, {"turntable", "4"}}, kRenderMesh).animation.moves());
     EXPECT_EQ(parsed({{"image", image}, {"animation", "0"}}, kRenderMesh).render.turntable, 0);
     EXPECT_EQ(parsed({{"image", image}, {"turntable", "4"}}, kRenderMesh).render.turntable, 4);
-    EXPECT_EQ(refused({{"image", image}, {"turntable", "4"}, {"animation", "0"}}, kRenderMesh),
+    EXPECT_EQ(refusal_text({{"image", image}, {"turntable", "4"}, {"animation", "0"}}, kRenderMesh),
               "turntable: expected one grid: no animation, or its time, got \"frames of an "
               "animation\"");
     EXPECT_EQ(
@@ -219,7 +218,7 @@ TEST(ImageOptions, images_of_a_mesh_need_frames_or_a_turntable) {
     // Only the job knows the frames of a grid or sequence.
     parsed({{"image", image}}, kRenderGrid);
   }
-  EXPECT_EQ(refused({{"frame", "1"}, {"time", "1"}}, kRenderMesh),
+  EXPECT_EQ(refusal_text({{"frame", "1"}, {"time", "1"}}, kRenderMesh),
             "frame: expected frames of an animation, and not its time, got \"1\"");
   EXPECT_EQ(canonical({{"frame", "1"}}, kRenderMesh),
             canonical({{"frame", "1"}, {"animation", "0"}}, kRenderMesh));
@@ -230,9 +229,9 @@ TEST(ImageOptions, images_of_a_mesh_need_frames_or_a_turntable) {
 
 TEST(ImageOptions, a_frame_is_one_of_those_that_are_asked_for) {
   EXPECT_EQ(parsed({{"frame", "2"}, {"frames", "10..12"}}, kRenderGrid).render.frame, 2);
-  EXPECT_EQ(refused({{"frame", "3"}, {"frames", "10..12"}}, kRenderGrid),
+  EXPECT_EQ(refusal_text({{"frame", "3"}, {"frames", "10..12"}}, kRenderGrid),
             "frame: expected less than 3, the number of frames that are asked for, got \"3\"");
-  EXPECT_EQ(refused({{"frame", "2"}, {"times", "0,1"}}, kRenderMesh),
+  EXPECT_EQ(refusal_text({{"frame", "2"}, {"times", "0,1"}}, kRenderMesh),
             "frame: expected less than 2, the number of frames that are asked for, got \"2\"");
 }
 

@@ -8,8 +8,12 @@
 #include <set>
 #include <string>
 
+#include "tests/unit/proto/options/parsed_options.h"
+
 namespace voxeld {
 namespace {
+
+using test::parsed;
 
 constexpr const char* kIdentity = "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1";
 
@@ -18,12 +22,6 @@ OptionScope scope_of(std::string_view name) {
   EXPECT_NE(option, nullptr) << name;
   return option && option->applies_to(OptionScope::kVoxelize) ? OptionScope::kVoxelize
                                                               : OptionScope::kRenderGrid;
-}
-
-RequestOptions parsed(const OptionPairs& pairs, OptionScope scope) {
-  const auto options = parse_options(pairs, scope);
-  EXPECT_TRUE(options) << (options ? "" : options.error().message());
-  return options ? *options : RequestOptions{};
 }
 
 Error refused(const OptionPairs& pairs, OptionScope scope) {
@@ -47,6 +45,13 @@ std::vector<std::string> names_of_formats() {
 const std::map<std::string, OptionCase>& cases() {
   static const std::string kDims = "three integers from 1 to 16384, as in 64,128,32";
   static const std::string kVoxel = "one positive number, or three as in 0.1,0.1,0.2";
+  static const std::string kBlocks =
+      "names of blocks or of groups: concrete, terracotta, wool, planks, stone, deepslate, "
+      "blackstone, sandstone, nether, end, prismarine, quartz, mineral, copper, earth, plant";
+  static const std::string kPalette =
+      "1 to 255, colours as in #1a1c2c,#f4f4f4, or bw | gray4 | rgb8 | zx15 | gray16 | sepia16 | "
+      "cga16 | html16 | cpc27 | gray64 | ega64 | minecraft | websafe216 | xterm240 | magicavoxel | "
+      "rgb332";
   static const std::string kColor = "#rrggbb | #rrggbbaa | transparent";
   static const std::map<std::string, OptionCase> all = {
       {"size",
@@ -70,6 +75,11 @@ const std::map<std::string, OptionCase>& cases() {
       {"sign", {{}, {"even", ""}, "auto | parity | nonzero | majority | flood | winding"}},
       {"interior", {{}, {"all", ""}, "none | nearest"}},
       {"thickness", {{}, {"0.99", "256.1", "nan", ""}, "a number from 1 to 256"}},
+      {"variant",
+       {{"0", "beach", std::string(255, 'n')},
+        {"", std::string("a\0b", 3), "\xff"},
+        "a name or number: 1 to 255 bytes of UTF-8 without NUL"}},
+      {"threshold", {{"0", "-3.5", "1e30"}, {"1e31", "nan", ""}, "a number from -1e+30 to 1e+30"}},
       {"color",
        {{"average", "nearest", "dominant", "shaded", "axis", "none"},
         {"red", ""},
@@ -82,11 +92,39 @@ const std::map<std::string, OptionCase>& cases() {
       {"labels", {{}, {"meshes", ""}, "mesh | node | material | group"}},
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
-      {"format", {names_of_formats(), {"obj", ""}, format_names(" | ")}},
+      {"format", {names_of_formats(), {"stl", ""}, format_names(" | ")}},
       {"codec", {{"fast", "small"}, {"best", ""}, "fast | small"}},
+      {"layout", {{"dense"}, {"packed", ""}, "dense | sparse | atlas"}},
       {"axes", {{"zyx", "xyz"}, {"yxz", ""}, "zyx | xyz"}},
       {"dtype", {{"uint8", "bool", "float32"}, {"float64", ""}, "uint8 | bool | float32"}},
-      {"palette", {{"1", "255"}, {"0", "256", ""}, "an integer from 1 to 255"}},
+      {"palette",
+       {{"1", "255", "cga16", "#1A1c2c", "1a1c2c,#f4f4f4"},
+        {"0", "256", "", "-1", "1.5", "0255", "cga", "#1a1c2", "1a1c2c0"},
+        kPalette}},
+      {"mesh", {{}, {"quads", ""}, "faces | greedy | smooth | instances"}},
+      {"channel",
+       {{},
+        {"alpha", "", "color,normal"},
+        "occupancy | color | normal | material | label | distance | coverage"}},
+      {"compress", {{"none"}, {"zip", ""}, "none | meshopt"}},
+      {"blocks", {{}, {"", "0", "chest_of_drawers"}, kBlocks}},
+      {"dither", {{"none"}, {"yes", ""}, "none | bayer | error"}},
+      {"schem_version", {{}, {"1", "4", ""}, "an integer from 2 to 3"}},
+      {"zarr_version", {{}, {"1", "4", ""}, "an integer from 2 to 3"}},
+      {"keep",
+       {{"largest", "0", "1", "1000000"},
+        {"1000001", "", "-1", "1.5", "all"},
+        "largest, or 0 (all) to 1000000"}},
+      {"dilate", {{"0", "64"}, {"-1", "65", "", "1.5"}, "an integer from 0 to 64"}},
+      {"erode", {{"0", "64"}, {"-1", "65", "", "1.5"}, "an integer from 0 to 64"}},
+      {"hollow", {{"0", "64"}, {"-1", "65", "", "1.5"}, "an integer from 0 to 64"}},
+      {"neighbors", {{}, {"7", "", "faces"}, "6 | 18 | 26"}},
+      {"remap",
+       {{},
+        {"", "1", "1:", ":1", "0:1", "1:0", "65536:1", "1:65536", "1:2,", "1:2:3"},
+        "FROM:TO,... of labels from 1 to 65535"}},
+      {"crop", {{"yes", "no"}, {"true", ""}, "yes | no"}},
+      {"mirror", {{"x", "z,x", "x,y,z"}, {"", "xz", "w", "x,,y", "none"}, "a list of x, y and z"}},
       {"level", {{"0", "14"}, {"-1", "15", "", "1.5"}, "an integer from 0 to 14"}},
       {"level_rule", {{"any", "majority"}, {"most", ""}, "any | majority"}},
       {"region",
@@ -355,8 +393,11 @@ TEST(Options, unknown_names_are_refused_with_the_nearest_one) {
 TEST(Options, each_scope_takes_its_own_options_alone) {
   const std::string of_mesh =
       "size dims voxel_size padding bounds up units transform rule fill sign thickness interior "
-      "color channels labels pipeline animation time frames fps times root_motion ";
-  const std::string of_output = "format codec axes dtype palette ";
+      "color channels labels variant threshold pipeline animation time frames fps times "
+      "root_motion ";
+  const std::string of_output =
+      "format codec layout axes dtype palette mesh channel compress blocks dither schem_version "
+      "zarr_version keep dilate erode hollow neighbors remap crop mirror ";
   const std::string of_selection = "level level_rule region ";
   const std::string of_image =
       "width height style projection azimuth elevation zoom matrix background occlusion shadow "
@@ -412,6 +453,193 @@ TEST(Options, sign_and_thickness_need_a_fill_that_they_apply_to) {
   EXPECT_EQ(shell.thickness, 2.5);
 }
 
+TEST(Options, layout_sparse_needs_a_format_of_arrays_and_has_no_order_of_axes) {
+  for (const OptionScope scope : {OptionScope::kVoxelize, OptionScope::kExport}) {
+    for (const char* format : {"npy", "npz"}) {
+      EXPECT_EQ(parsed({{"layout", "sparse"}, {"format", format}}, scope).output.layout,
+                ArrayLayout::kSparse);
+      EXPECT_EQ(
+          refused({{"layout", "sparse"}, {"format", format}, {"axes", "xyz"}}, scope).message(),
+          "axes: expected zyx, or layout dense, got \"xyz\"");
+    }
+    EXPECT_EQ(refused({{"layout", "sparse"}, {"format", "vox"}}, scope).message(),
+              "layout: expected format npy or npz with it, got \"vox\"");
+    EXPECT_EQ(refused({{"layout", "sparse"}}, scope).message(),
+              "layout: expected format npy or npz with it, got \"native\"");
+    EXPECT_EQ(parsed({{"layout", "atlas"}, {"format", "slices"}}, scope).output.layout,
+              ArrayLayout::kAtlas);
+    EXPECT_EQ(refused({{"layout", "atlas"}, {"format", "npz"}}, scope).message(),
+              "layout: expected format slices with atlas, got \"npz\"");
+    EXPECT_EQ(refused({{"layout", "sparse"}, {"format", "slices"}}, scope).message(),
+              "layout: expected format npy or npz with it, got \"slices\"");
+  }
+}
+
+TEST(Options, mesh_needs_a_format_of_meshes) {
+  for (const OptionScope scope : {OptionScope::kVoxelize, OptionScope::kExport}) {
+    for (const char* format : {"glb", "ply", "obj"}) {
+      EXPECT_EQ(parsed({{"format", format}}, scope).output.mesh, MeshSurface::kGreedy);
+      EXPECT_EQ(parsed({{"mesh", "faces"}, {"format", format}}, scope).output.mesh,
+                MeshSurface::kFaces);
+    }
+    EXPECT_EQ(refused({{"mesh", "greedy"}, {"format", "vox"}}, scope).message(),
+              "mesh: expected format glb, ply or obj with it, got \"vox\"");
+    EXPECT_EQ(refused({{"mesh", "faces"}}, scope).message(),
+              "mesh: expected format glb, ply or obj with it, got \"native\"");
+    EXPECT_EQ(refused({{"mesh", "instances"}, {"format", "ply"}}, scope).message(),
+              "mesh: expected format glb with instances, got \"ply\"");
+    EXPECT_EQ(refused({{"compress", "meshopt"}, {"format", "obj"}}, scope).message(),
+              "compress: expected format glb with it, got \"obj\"");
+    EXPECT_EQ(parsed({{"compress", "meshopt"}, {"format", "glb"}}, scope).output.compress,
+              MeshCompression::kMeshopt);
+  }
+}
+
+TEST(Options, channel_needs_a_format_of_one_array) {
+  for (const OptionScope scope : {OptionScope::kVoxelize, OptionScope::kExport}) {
+    for (const char* format : {"nrrd", "mha", "nii", "ktx2", "raw", "slices"}) {
+      EXPECT_EQ(parsed({{"format", format}}, scope).output.channel, std::nullopt);
+      EXPECT_EQ(parsed({{"format", format}, {"channel", "occupancy"}}, scope).output.channel,
+                std::nullopt);
+      EXPECT_EQ(parsed({{"channel", "color"}, {"format", format}}, scope).output.channel,
+                Channel::kColor);
+    }
+    EXPECT_EQ(refused({{"channel", "color"}, {"format", "vti"}}, scope).message(),
+              "channel: expected format nrrd, mha, nii, ktx2, raw or slices with it, got \"vti\"");
+    EXPECT_EQ(
+        refused({{"channel", "occupancy"}}, scope).message(),
+        "channel: expected format nrrd, mha, nii, ktx2, raw or slices with it, got \"native\"");
+  }
+}
+
+TEST(Options, channel_is_one_that_the_grid_may_have) {
+  const auto with = [](const OptionPairs& more) {
+    OptionPairs pairs = {{"format", "nrrd"}};
+    pairs.insert(pairs.end(), more.begin(), more.end());
+    return pairs;
+  };
+  constexpr OptionScope kMade = OptionScope::kVoxelize;
+  EXPECT_EQ(refused(with({{"channel", "label"}}), kMade).message(),
+            "channel: expected channels with label, got \"label\"");
+  EXPECT_EQ(refused(with({{"channel", "distance"}}), kMade).message(),
+            "channel: expected channels with distance, got \"distance\"");
+  EXPECT_EQ(
+      refused(with({{"channel", "color"}, {"channels", "occupancy,normal"}}), kMade).message(),
+      "channel: expected channels with color, got \"color\"");
+  EXPECT_TRUE(parse_options(with({{"channel", "label"}, {"channels", "label"}}), kMade));
+  EXPECT_TRUE(parse_options(with({{"channel", "distance"}, {"fill", "band"}}), kMade));
+  // The worker knows the channels of a stored grid.
+  EXPECT_TRUE(parse_options(with({{"channel", "label"}}), OptionScope::kExport));
+}
+
+TEST(Options, changes_of_voxels_need_what_they_change) {
+  for (const OptionScope scope : {OptionScope::kVoxelize, OptionScope::kExport}) {
+    EXPECT_EQ(refused({{"neighbors", "26"}}, scope).message(),
+              "neighbors: expected keep, dilate, erode or hollow with it, got \"none of them\"");
+    EXPECT_EQ(parsed({{"neighbors", "26"}, {"keep", "3"}}, scope).output.neighbors,
+              Neighbors::kCorners);
+  }
+  EXPECT_EQ(refused({{"fill", "band"}, {"dilate", "1"}}, OptionScope::kVoxelize).message(),
+            "dilate: expected channels without distance, got \"distance\"");
+  EXPECT_EQ(refused({{"remap", "1:2"}}, OptionScope::kVoxelize).message(),
+            "remap: expected channels with label, got \"channels without it\"");
+  EXPECT_EQ(refused({{"remap", "4:2,1:2,4:3"}}, OptionScope::kExport).message(),
+            "remap: expected each label once before a colon, got \"4 more than once\"");
+  std::string many = "1:1";
+  for (int i = 2; i <= 64; ++i) many += "," + std::to_string(i) + ":1";
+  EXPECT_EQ(parsed({{"remap", many}}, OptionScope::kExport).output.remap.size(), 64u);
+  EXPECT_EQ(refused({{"remap", many + ",65:1"}}, OptionScope::kExport).message(),
+            "remap: expected at most 64 changes, got \"65\"");
+}
+
+TEST(Options, blocks_dither_and_versions_need_formats_that_use_them) {
+  for (const OptionScope scope : {OptionScope::kVoxelize, OptionScope::kExport}) {
+    for (const char* format : {"schem", "litematic", "nbt"}) {
+      const OutputOptions output =
+          parsed({{"format", format}, {"blocks", "wool"}, {"dither", "bayer"}}, scope).output;
+      EXPECT_EQ(output.blocks, std::vector<std::string>{"wool"});
+      EXPECT_EQ(output.dither, Dither::kBayer);
+    }
+    EXPECT_EQ(parsed({{"format", "vox"}, {"dither", "error"}}, scope).output.dither,
+              Dither::kError);
+    EXPECT_EQ(parsed({{"format", "schem"}, {"schem_version", "3"}}, scope).output.schem_version, 3);
+    EXPECT_EQ(refused({{"blocks", "wool"}, {"format", "vox"}}, scope).message(),
+              "blocks: expected format schem, litematic or nbt with it, got \"vox\"");
+    EXPECT_EQ(
+        refused({{"dither", "bayer"}, {"format", "glb"}}, scope).message(),
+        "dither: expected format vox, schem, litematic or nbt, or colours as palette with it, "
+        "got \"glb\"");
+    EXPECT_EQ(
+        parsed({{"format", "glb"}, {"dither", "bayer"}, {"palette", "bw"}}, scope).output.dither,
+        Dither::kBayer);
+    EXPECT_EQ(refused({{"schem_version", "3"}, {"format", "litematic"}}, scope).message(),
+              "schem_version: expected format schem with it, got \"litematic\"");
+    EXPECT_EQ(parsed({{"format", "zarr"}, {"zarr_version", "2"}}, scope).output.zarr_version, 2);
+    EXPECT_EQ(refused({{"zarr_version", "2"}, {"format", "npz"}}, scope).message(),
+              "zarr_version: expected format zarr with it, got \"npz\"");
+  }
+}
+
+TEST(Options, palettes_are_colours_each_once_in_their_order) {
+  const OutputOptions output =
+      parsed({{"format", "vox"}, {"palette", "#0A0b0c,ffffff,0a0b0C"}}, OptionScope::kExport)
+          .output;
+  EXPECT_EQ(output.palette, (std::vector<PaletteColor>{{10, 11, 12}, {255, 255, 255}}));
+  EXPECT_EQ(parsed({{"palette", "000016"}}, OptionScope::kVoxelize).output.palette,
+            (std::vector<PaletteColor>{{0, 0, 22}}));
+  EXPECT_TRUE(parsed({{"palette", "16"}}, OptionScope::kVoxelize).output.palette.empty());
+  EXPECT_EQ(refused({{"palette", "#000000,#00000g"}}, OptionScope::kVoxelize).message(),
+            "palette, colour 2: expected #rrggbb, got \"#00000g\"");
+  std::string many = "000000";
+  for (int i = 0; i < 256; ++i) many += ",000000";
+  EXPECT_EQ(refused({{"palette", many}}, OptionScope::kVoxelize).message(),
+            "palette: expected at most 256 colours, got \"257\"");
+  EXPECT_EQ(refused({{"palette", many + std::string(300, '0')}}, OptionScope::kVoxelize).message(),
+            "palette: expected at most 2048 bytes, got 2098");
+}
+
+TEST(Options, palettes_need_formats_that_hold_colours) {
+  for (const char* format :
+       {"native", "npz", "xyz", "glb", "ply", "obj", "vti", "csv", "pcd", "qb", "vox"}) {
+    EXPECT_EQ(parsed({{"format", format}, {"palette", "cga16"}}, OptionScope::kExport)
+                  .output.palette.size(),
+              16u);
+  }
+  EXPECT_TRUE(parse_options(OptionPairs{{"format", "nii"}, {"channel", "color"}, {"palette", "bw"}},
+                            OptionScope::kExport));
+  const auto error = [](const std::string& format, const std::string& palette) {
+    return refused({{"format", format}, {"palette", palette}}, OptionScope::kExport).message();
+  };
+  EXPECT_EQ(error("nii", "bw"), "palette: expected channel color with it, got \"occupancy\"");
+  EXPECT_EQ(error("npy", "bw"),
+            "palette: expected a format that holds colours with it, got \"npy\"");
+  EXPECT_EQ(error("binvox", "bw"),
+            "palette: expected a format that holds colours with it, got \"binvox\"");
+  EXPECT_EQ(error("bt", "bw"), "palette: expected a format that holds colours with it, got \"bt\"");
+  EXPECT_EQ(error("inp", "bw"),
+            "palette: expected a format that holds colours with it, got \"inp\"");
+  EXPECT_EQ(error("nbt", "bw"), "palette: expected blocks instead in this format, got \"nbt\"");
+  EXPECT_EQ(error("vox", "rgb332"), "palette: expected at most 255 colours of a vox, got \"256\"");
+}
+
+TEST(Options, names_of_blocks_have_one_form) {
+  const auto blocks = [](const std::string& text) {
+    return parsed({{"format", "schem"}, {"blocks", text}}, OptionScope::kExport).output.blocks;
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(blocks("wool,concrete,wool"), (Names{"concrete", "wool"}));
+  EXPECT_EQ(blocks("red_wool,minecraft:dirt,concrete"), (Names{"concrete", "red_wool", "dirt"}));
+  EXPECT_EQ(blocks("red_wool,wool"), Names{"wool"});
+  EXPECT_EQ(blocks("stone"), Names{"stone"});  // the group
+  EXPECT_EQ(blocks("minecraft:stone"), Names{"minecraft:stone"});
+  EXPECT_EQ(blocks("minecraft:stone,stone"), Names{"stone"});
+  const Error error =
+      refused({{"format", "schem"}, {"blocks", "wool,concreet"}}, OptionScope::kExport);
+  EXPECT_EQ(error.code, ErrorCode::kInvalidOption);
+  EXPECT_TRUE(error.expected.ends_with("plant; did you mean 'concrete'?")) << error.expected;
+  EXPECT_EQ(error.got, "\"concreet\"");
+}
+
 TEST(Options, an_option_is_given_once) {
   EXPECT_EQ(refused({{"size", "5"}, {"up", "y"}, {"size", "5"}}, OptionScope::kVoxelize).message(),
             "size: expected to be given once, got it twice");
@@ -458,7 +686,7 @@ TEST(Options, formats_have_names_media_types_and_extensions) {
     EXPECT_TRUE(format_extension(format).starts_with('.'));
     EXPECT_NE(format_media_type(format).find('/'), std::string_view::npos);
   }
-  EXPECT_FALSE(format_from_name("obj"));
+  EXPECT_FALSE(format_from_name("stl"));
 }
 
 TEST(Options, interior_applies_to_solids_and_shells_that_have_a_surface) {

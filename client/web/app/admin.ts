@@ -1,0 +1,283 @@
+// The view /admin: queue and devices live, failures, storage, limits. A tenant sees what is its
+// own, an admin everything.
+import { isAbort, Problem, type Api } from "./api";
+import { byId, fill, h } from "./dom";
+import type { Asset, JobStatus, Me, Queue, StoredResult } from "./model";
+import { bytesText, count, t, type TextKey } from "./texts";
+
+const REFRESH_MS = 1500;
+const ROWS = 50;
+
+type Row = readonly (Node | string)[];
+
+function table(heads: readonly string[], rows: readonly Row[], empty: string): HTMLElement {
+  if (rows.length === 0) return h("p", { className: "quiet" }, empty);
+  return h(
+    "div",
+    { className: "scroll", tabIndex: 0 },
+    h(
+      "table",
+      {},
+      h("thead", {}, h("tr", {}, ...heads.map(head => h("th", { scope: "col" }, head)))),
+      h("tbody", {}, ...rows.map(row => h("tr", {}, ...row.map(cell => h("td", {}, cell))))),
+    ),
+  );
+}
+
+/** Replaces the children, unless one of them is in use. */
+function refill(element: Element, ...children: (Node | null)[]): void {
+  if (element.contains(document.activeElement) || element.querySelector(":active")) return;
+  fill(element, ...children);
+}
+
+function when(milliseconds: number): string {
+  return new Date(milliseconds).toLocaleString();
+}
+
+function progressOf(job: JobStatus): string {
+  if (job.state === "queued") return job.waiting_for || t("queued", { n: job.queue_position });
+  if (job.frames_total > 0)
+    return t("runningFrames", { done: job.frames_done, total: job.frames_total });
+  return job.tiles_total > 0
+    ? t("runningTiles", { done: job.tiles_done, total: job.tiles_total })
+    : t("running");
+}
+
+export class Admin {
+  readonly #access = h("p", { className: "quiet" });
+  readonly #devices = h("div");
+  readonly #queue = h("div", { "aria-live": "off" });
+  readonly #failures = h("div");
+  readonly #use = h("p");
+  readonly #disk = h("p");
+  readonly #results = h("div");
+  readonly #assets = h("div");
+  readonly #limits = h("div");
+  #told = ""; // the last problem of the polling
+
+  constructor(
+    private readonly api: Api,
+    private readonly onProblem: (error: unknown) => void,
+    private readonly onNote: (text: string) => void,
+  ) {
+    const section = (title: TextKey, ...children: HTMLElement[]) =>
+      h("section", { className: "card" }, h("h2", { tabIndex: -1 }, t(title)), ...children);
+    byId("admin").append(
+      h("h1", {}, t("adminTitle")),
+      this.#access,
+      section("devices", this.#devices),
+      section("queue", this.#queue),
+      section("failures", this.#failures),
+      section(
+        "storage",
+        this.#use,
+        this.#disk,
+        h("h3", {}, t("results")),
+        this.#results,
+        h("h3", {}, t("assets")),
+        this.#assets,
+      ),
+      section("limits", this.#limits),
+      this.#keyHelp(),
+    );
+  }
+
+  /** Shows everything, and the queue as it changes. */
+  async run(): Promise<void> {
+    for (let hasStorage = false; ;) {
+      if (!document.hidden) {
+        try {
+          await Promise.all([
+            this.#showQueue(),
+            hasStorage ||
+              this.#showStorage().then(() => {
+                hasStorage = true;
+              }),
+          ]);
+          this.#told = "";
+        } catch (error) {
+          // A problem that stays is told once: it may have been dismissed.
+          if (!isAbort(error) && this.#told !== String(error)) this.onProblem(error);
+          this.#told = String(error);
+        }
+      }
+      await new Promise(resolve => setTimeout(resolve, REFRESH_MS));
+    }
+  }
+
+  #keyHelp(): HTMLElement {
+    return h(
+      "section",
+      { className: "card" },
+      h("h2", {}, t("keys")),
+      h("p", {}, t("keysHow")),
+      h(
+        "pre",
+        { tabIndex: 0, role: "group", "aria-label": t("keys") },
+        "voxeld keys list\nvoxeld keys add NAME [--admin] [--expires 90d]\nvoxeld keys set ID --rate 10/s --bytes 20G\nvoxeld keys revoke ID",
+      ),
+    );
+  }
+
+  async #showQueue(): Promise<void> {
+    const [queue, failed] = await Promise.all([
+      this.api.json<Queue>(`/v1/queue?limit=${ROWS}`),
+      this.api.json<{ jobs: JobStatus[] }>("/v1/jobs?state=failed&limit=10"),
+    ]);
+    refill(
+      this.#devices,
+      table(
+        [t("device"), t("renderer"), t("workers"), t("memory")],
+        queue.devices.map(device => [
+          device.device,
+          device.renderer,
+          `${device.workers_busy} / ${device.workers}`,
+          device.memory_bytes ? bytesText(device.memory_bytes) : "",
+        ]),
+        t("nothing"),
+      ),
+    );
+    const { others, store } = queue;
+    this.#disk.textContent = store
+      ? t("disk", {
+          bytes: bytesText(store.bytes),
+          free: bytesText(store.disk_free_bytes),
+          total: bytesText(store.disk_bytes),
+        })
+      : "";
+    refill(
+      this.#queue,
+      table(
+        [t("job"), t("tenant"), t("device"), t("state"), t("progress"), ""],
+        queue.jobs.map(job => [
+          job.filename || job.id.slice(0, 10),
+          job.tenant ?? "",
+          job.device ?? "",
+          job.state,
+          progressOf(job),
+          this.#button(
+            t("cancel"),
+            job.filename ?? job.id,
+            () => this.api.request(`/v1/jobs/${job.id}`, { method: "DELETE" }),
+            () => this.#showQueue(),
+          ),
+        ]),
+        t("queueNone"),
+      ),
+      others.running + others.queued > 0
+        ? h("p", { className: "quiet" }, t("queueOthers", others))
+        : null,
+    );
+    refill(
+      this.#failures,
+      table(
+        [t("job"), t("when"), t("failures")],
+        failed.jobs.map(job => [
+          job.filename || job.id.slice(0, 10),
+          when(job.ended_ms ?? job.created_ms),
+          [
+            job.error?.detail,
+            job.error?.expected && t("expected", { text: job.error.expected }),
+            job.error?.got && t("got", { text: job.error.got }),
+          ]
+            .filter(Boolean)
+            .join("; "),
+        ]),
+        t("failuresNone"),
+      ),
+    );
+  }
+
+  async #showStorage(): Promise<void> {
+    const me = await this.api.json<Me>("/v1/me");
+    this.#access.textContent = t(
+      me.key === "" ? "adminOpen" : me.admin ? "adminAll" : "adminTenant",
+    );
+    const [used, limit] = [me.usage["bytes"] ?? 0, me.limits["bytes"] ?? null];
+    this.#use.textContent =
+      limit === null
+        ? t("storageUse", { bytes: bytesText(used) })
+        : t("storageOf", { bytes: bytesText(used), limit: bytesText(limit) });
+    refill(
+      this.#limits,
+      table(
+        [t("limits"), ""],
+        Object.entries(me.limits).map(([name, value]) => [
+          t(`limit_${name}` as TextKey),
+          value === null ? t("limitNone") : name === "bytes" ? bytesText(value) : count(value),
+        ]),
+        t("limitNone"),
+      ),
+    );
+    const [results, assets] = await Promise.all([
+      this.api.json<{ results: StoredResult[] }>(`/v1/results?limit=${ROWS}`),
+      this.api.json<{ assets: Asset[] }>(`/v1/assets?limit=${ROWS}`),
+    ]);
+    refill(
+      this.#results,
+      table(
+        [t("name"), t("bytes"), t("when"), ""],
+        results.results.map(result => [
+          result.filename,
+          bytesText(result.bytes),
+          when(result.created_ms),
+          this.#button(
+            t("remove"),
+            result.filename,
+            () => this.#remove(`/v1/jobs/${result.job}/result`, result.filename),
+            () => this.#showStorage(),
+          ),
+        ]),
+        t("nothing"),
+      ),
+    );
+    refill(
+      this.#assets,
+      table(
+        [t("name"), t("bytes"), t("when"), ""],
+        assets.assets.map(asset => [
+          asset.filename || asset.id.slice(0, 15),
+          bytesText(asset.bytes),
+          when(asset.created_ms),
+          this.#button(
+            t("remove"),
+            asset.filename,
+            () => this.#remove(`/v1/assets/${asset.id}`, asset.filename),
+            () => this.#showStorage(),
+          ),
+        ]),
+        t("nothing"),
+      ),
+    );
+  }
+
+  // The action ends the button's row, so the focus goes to the heading of the section.
+  #button(
+    text: string,
+    of: string,
+    action: () => Promise<unknown>,
+    refresh: () => Promise<void>,
+  ): HTMLElement {
+    const act = async () => {
+      await action();
+      button.closest("section")?.querySelector("h2")?.focus();
+      await refresh();
+    };
+    const button = h(
+      "button",
+      { "aria-label": `${text}: ${of}`, onclick: () => void act().catch(this.onProblem) },
+      text,
+    );
+    return button;
+  }
+
+  async #remove(path: string, name: string): Promise<void> {
+    try {
+      await this.api.request(path, { method: "DELETE" });
+    } catch (error) {
+      if (!(error instanceof Problem) || (error.status !== 410 && error.status !== 404))
+        throw error;
+    }
+    this.onNote(t("removed", { name }));
+  }
+}

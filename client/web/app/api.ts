@@ -1,0 +1,275 @@
+// Requests to the daemon: keys, problems, uploads with progress, event streams, and patience with
+// a daemon that restarts.
+import { hasEnded, type ErrorBody, type JobStatus } from "./model";
+import { t } from "./texts";
+
+/** A response that says no, with the members of its problem+json. */
+export class Problem extends Error {
+  constructor(
+    readonly status: number,
+    readonly code: string,
+    readonly detail: string,
+    readonly expected = "",
+    readonly got = "",
+  ) {
+    super(detail);
+  }
+  static of(error: ErrorBody, status = 0): Problem {
+    return new Problem(status, error.code, error.detail, error.expected, error.got);
+  }
+}
+
+export interface Ask {
+  readonly method?: string;
+  readonly body?: unknown; // an object is sent as JSON
+  readonly headers?: Readonly<Record<string, string>>;
+  readonly signal?: AbortSignal | undefined;
+  /** The signal ends waits between tries, but cuts off no request that is under way. */
+  readonly isWhole?: boolean;
+}
+
+const PAUSES_MS = [400, 800, 1500, 2500]; // before further tries; then the last one again
+const BUSY_TRIES_MAX = 6;
+const LOST_UPLOADS_MAX = 3; // of one file while the daemon answers; then an error
+
+interface Tries {
+  lost: number;
+  busy: number;
+}
+
+function pause(milliseconds: number, signal?: AbortSignal): Promise<void> {
+  return new Promise((resolve, reject) => {
+    if (signal?.aborted) return reject(signal.reason);
+    const timer = setTimeout(resolve, milliseconds);
+    signal?.addEventListener(
+      "abort",
+      () => {
+        clearTimeout(timer);
+        reject(signal.reason);
+      },
+      { once: true },
+    );
+  });
+}
+
+/** Whether the error is that of a request that its caller has given up. */
+export function isAbort(error: unknown): boolean {
+  return error instanceof DOMException && error.name === "AbortError";
+}
+
+export class Api {
+  key: string | null = null;
+  /** Asks for a key; `refused` is the one that the daemon did not take. */
+  onKeyNeeded: (refused: string | null) => Promise<string> = () =>
+    Promise.reject(new Error("no key"));
+  /** The daemon does not answer, or answers again. */
+  onConnection: (isOnline: boolean) => void = () => undefined;
+  /** The daemon refuses work for some seconds. */
+  onBusy: (seconds: number) => void = () => undefined;
+
+  #isOnline = true;
+
+  /**
+   * The response, when it is a good one. Waits while the daemon does not answer or has no room, so
+   * a request must be one that may be repeated. Throws Problem, or AbortError of `signal`.
+   */
+  async request(path: string, ask: Ask = {}): Promise<Response> {
+    const isJson =
+      ask.body !== undefined && !(ask.body instanceof Blob) && typeof ask.body !== "string";
+    for (const tries = { lost: 0, busy: 0 }; ;) {
+      const key = this.key;
+      let response: Response;
+      try {
+        response = await fetch(path, {
+          method: ask.method ?? (ask.body === undefined ? "GET" : "POST"),
+          headers: {
+            ...(isJson ? { "Content-Type": "application/json" } : {}),
+            ...ask.headers,
+            ...(key === null ? {} : { Authorization: `Bearer ${key}` }),
+          },
+          body: isJson ? JSON.stringify(ask.body) : ((ask.body as BodyInit | undefined) ?? null),
+          signal: (!ask.isWhole && ask.signal) || null,
+          cache: "no-store",
+          credentials: "omit",
+        });
+      } catch (error) {
+        if (isAbort(error) || ask.signal?.aborted) throw error;
+        await this.#waitForDaemon(tries.lost++, ask.signal);
+        continue;
+      }
+      if (response.ok || response.status === 304) {
+        this.#setOnline(true);
+        return response;
+      }
+      const problem = problemOf(response.status, await response.text());
+      await this.#overcome(problem, response.headers.get("Retry-After"), key, tries, ask.signal);
+    }
+  }
+
+  // Waits for what a request was refused for, if that may change; else throws the problem.
+  async #overcome(
+    problem: Problem,
+    retryAfter: string | null,
+    key: string | null,
+    tries: Tries,
+    signal?: AbortSignal,
+  ): Promise<void> {
+    const { status } = problem;
+    if (status === 401) return this.#renewKey(key);
+    if (problem.code === "shutting-down") return this.#waitForDaemon(tries.lost++, signal);
+    this.#setOnline(true);
+    if ((status !== 429 && status !== 503) || tries.busy++ >= BUSY_TRIES_MAX) throw problem;
+    const seconds = Math.min(30, Number(retryAfter) || 1);
+    this.onBusy(seconds);
+    return pause(seconds * 1000, signal);
+  }
+
+  async json<T>(path: string, ask: Ask = {}): Promise<T> {
+    return (await (await this.request(path, ask)).json()) as T;
+  }
+
+  /**
+   * Sends a file; `onProgress` gets the bytes that the daemon has taken. Throws Problem, AbortError,
+   * an error of the browser if the file has changed, and one after LOST_UPLOADS_MAX lost uploads.
+   */
+  async upload<T>(
+    path: string,
+    file: Blob,
+    type: string,
+    onProgress: (bytes: number) => void,
+    signal?: AbortSignal,
+  ): Promise<T> {
+    for (let lost = 0, tries = { lost: 0, busy: 0 }; ;) {
+      const key = this.key;
+      const { status, text, retryAfter } = await this.#send(
+        path,
+        file,
+        type,
+        key,
+        onProgress,
+        signal,
+      );
+      if (status === 0) {
+        await file.slice(0, 1).arrayBuffer(); // throws if the file has changed or is gone
+        await this.request("/v1/me", { signal }); // waits until the daemon answers
+        if (++lost >= LOST_UPLOADS_MAX) throw new Error(t("uploadLost"));
+      } else if (status >= 200 && status < 300) {
+        this.#setOnline(true);
+        return JSON.parse(text) as T;
+      } else {
+        await this.#overcome(problemOf(status, text), retryAfter, key, tries, signal);
+      }
+    }
+  }
+
+  /** The job's states as they come, until it has ended. Resumes where a stream broke. */
+  async *events(job: string, signal: AbortSignal): AsyncGenerator<JobStatus> {
+    for (let last = ""; ;) {
+      const headers: Record<string, string> = last ? { "Last-Event-ID": last } : {};
+      const response = await this.request(`/v1/jobs/${job}/events`, { headers, signal });
+      try {
+        for await (const event of readEvents(response)) {
+          last = event.id || last;
+          const status = JSON.parse(event.data) as JobStatus;
+          yield status;
+          if (hasEnded(status)) return;
+        }
+      } catch (error) {
+        if (isAbort(error) || signal.aborted) throw error;
+      }
+      // The stream broke: the job may have ended meanwhile.
+      const status = await this.json<JobStatus>(`/v1/jobs/${job}`, { signal });
+      yield status;
+      if (hasEnded(status)) return;
+      await pause(300, signal);
+    }
+  }
+
+  #send(
+    path: string,
+    file: Blob,
+    type: string,
+    key: string | null,
+    onProgress: (bytes: number) => void,
+    signal?: AbortSignal,
+  ): Promise<{ status: number; text: string; retryAfter: string | null }> {
+    return new Promise((resolve, reject) => {
+      if (signal?.aborted) return reject(new DOMException("", "AbortError"));
+      const request = new XMLHttpRequest();
+      request.open("POST", path);
+      request.setRequestHeader("Content-Type", type);
+      if (key !== null) request.setRequestHeader("Authorization", `Bearer ${key}`);
+      request.upload.onprogress = event => onProgress(event.loaded);
+      request.onloadend = () => {
+        if (signal?.aborted) reject(new DOMException("", "AbortError"));
+        else
+          resolve({
+            status: request.status,
+            text: request.responseText,
+            retryAfter: request.getResponseHeader("Retry-After"),
+          });
+      };
+      signal?.addEventListener("abort", () => request.abort(), { once: true });
+      request.send(file);
+    });
+  }
+
+  #asking: Promise<void> | null = null;
+
+  // One question at a time, however many requests were refused.
+  #renewKey(refused: string | null): Promise<void> {
+    if (this.key !== refused) return Promise.resolve(); // another request has asked meanwhile
+    this.#asking ??= this.onKeyNeeded(refused)
+      .then(key => {
+        this.key = key;
+      })
+      .finally(() => {
+        this.#asking = null;
+      });
+    return this.#asking;
+  }
+
+  async #waitForDaemon(tries: number, signal?: AbortSignal): Promise<void> {
+    this.#setOnline(false);
+    await pause(PAUSES_MS[Math.min(tries, PAUSES_MS.length - 1)] as number, signal);
+  }
+
+  #setOnline(isOnline: boolean): void {
+    if (isOnline === this.#isOnline) return;
+    this.#isOnline = isOnline;
+    this.onConnection(isOnline);
+  }
+}
+
+function problemOf(status: number, text: string): Problem {
+  try {
+    return Problem.of(JSON.parse(text) as ErrorBody, status);
+  } catch {
+    return new Problem(status, "bad-response", `HTTP ${status}`);
+  }
+}
+
+/** The events of a text/event-stream (html.spec.whatwg.org, section 9.2.6). */
+async function* readEvents(response: Response): AsyncGenerator<{ id: string; data: string }> {
+  if (!response.body) return;
+  const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+  try {
+    for (let rest = ""; ;) {
+      const { value, done } = await reader.read();
+      if (done) return;
+      const blocks = (rest + value).split("\n\n");
+      rest = blocks.pop() ?? "";
+      for (const block of blocks) {
+        let id = "",
+          data = "";
+        for (const line of block.split("\n")) {
+          if (line.startsWith("data:")) data += line.slice(5).trimStart();
+          if (line.startsWith("id:")) id = line.slice(3).trim();
+        }
+        if (data) yield { id, data };
+      }
+    }
+  } finally {
+    void reader.cancel().catch(() => undefined);
+  }
+}

@@ -1,0 +1,517 @@
+// The view that voxelizes: from files to an asset, to voxels, to what is taken home.
+import { isAbort, type Api } from "./api";
+import { byId, fill, h } from "./dom";
+import {
+  bundleOf,
+  extended,
+  filesOfInput,
+  filesOfTransfer,
+  stemOf,
+  type Bundle,
+  type NamedFile,
+} from "./files";
+import { Look } from "./look";
+import type { Asset, AssetDescription, DryRun, GridMeta, JobStatus } from "./model";
+import { Runner, type Wish } from "./runner";
+import { Settings, showPrice } from "./settings";
+import { Stage } from "./stage";
+import { showStart } from "./start";
+import { Take } from "./take";
+import { bytesText, count, duration, t } from "./texts";
+import { Timeline } from "./timeline";
+import { uploadBundle, type UploadStep } from "./upload";
+
+const PRICE_DELAY_MS = 140; // after a change of the settings
+const RUN_DELAY_MS = 350;
+const AUTO_SECONDS_MAX = 8; // jobs that are expected to take longer wait for a click
+// Formats that may have animations: their description decides the options of the first job.
+const MAY_MOVE = /\.(gltf|glb|md5mesh|zip)$/i;
+
+export class App {
+  #bundle: Bundle | null = null;
+  #asset: Asset | null = null;
+  #assets: string[] = []; // the asset and the files that it names
+  #jobs = new Set<string>(); // whose results are deleted with the asset
+  #loading: AbortController | null = null;
+  #pricing: AbortController | null = null;
+  #price: DryRun | null = null;
+  #timer = 0;
+  #keepCamera = false;
+  #shownJob = ""; // of the frames that the timeline shows
+  #frameMeta: GridMeta = {}; // of its sequence
+
+  readonly #stage: Stage;
+  readonly #runner: Runner;
+  readonly #settings: Settings;
+  readonly #look: Look;
+  readonly #take: Take;
+  readonly #timeline: Timeline;
+  readonly #panel = byId("panel");
+  readonly #over = byId("over");
+  readonly #facts = byId("facts");
+  readonly #title = h("h2");
+  readonly #description = h("ul", { className: "facts" });
+  readonly #missing = h("p", { className: "note warn", hidden: true });
+  readonly #priceLine = h("p", { className: "quiet price", id: "price", "aria-live": "polite" });
+  readonly #runButton = h(
+    "button",
+    { className: "primary", id: "run", onclick: () => this.#run() },
+    t("run"),
+  );
+  readonly #cancelButton = h(
+    "button",
+    { id: "cancel", hidden: true, onclick: () => this.#cancel() },
+    t("cancel"),
+  );
+  readonly #progress = h("progress", { hidden: true, "aria-label": t("progress") });
+  readonly #jobLine = h("p", { id: "job", "aria-live": "polite" });
+
+  constructor(
+    private readonly api: Api,
+    private readonly onProblem: (error: unknown) => void,
+    private readonly onNote: (text: string) => void,
+  ) {
+    const canvas = byId<HTMLCanvasElement>("canvas"),
+      image = byId<HTMLImageElement>("picture");
+    const wantsViewer = !new URLSearchParams(location.search).has("pictures");
+    this.#stage = new Stage(
+      canvas,
+      image,
+      api,
+      byId<HTMLMetaElement>("worker").content,
+      wantsViewer,
+    );
+    this.#stage.onProblem = onProblem;
+    this.#stage.onLost = () => onNote(t("lost"));
+    canvas.setAttribute("aria-label", t("viewHelp"));
+    image.alt = t("viewHelp");
+    this.#runner = new Runner(api, {
+      onStatus: (job, isPreview) => this.#showJob(job, isPreview),
+      onGrid: (job, isPreview) => this.#showGrid(job, isPreview),
+      onProblem,
+    });
+    this.#timeline = new Timeline(byId("timeline"), {
+      show: frame => this.#showFrame(frame),
+      prefetch: frame => this.#stage.prefetch(`/v1/jobs/${this.#shownJob}/frames/${frame}`),
+      onProblem,
+    });
+    const cards = ["model", "voxels", "look", "take"] as const;
+    const [model, voxels, look, take] = cards.map(name => {
+      const card = h(
+        "section",
+        { className: "card", id: `card-${name}`, "aria-labelledby": `title-${name}` },
+        name === "model" ? this.#title : h("h2", {}, t(name)),
+      );
+      (card.firstElementChild as HTMLElement).id = `title-${name}`;
+      return card;
+    }) as [HTMLElement, HTMLElement, HTMLElement, HTMLElement];
+    this.#panel.append(model, voxels, look, take);
+    model.append(
+      this.#description,
+      this.#missing,
+      h(
+        "div",
+        { className: "row" },
+        h("button", { id: "new", onclick: () => this.#close() }, t("newMesh")),
+        h(
+          "button",
+          { id: "delete", className: "danger", onclick: () => void this.#remove() },
+          t("remove"),
+        ),
+      ),
+    );
+    this.#settings = new Settings(voxels);
+    this.#settings.onChange = isFinal => this.#changed(isFinal);
+    voxels.append(
+      this.#priceLine,
+      h("div", { className: "row" }, this.#runButton, this.#cancelButton),
+      this.#progress,
+      this.#jobLine,
+    );
+    this.#look = new Look(look, this.#stage, byId("pick"), canvas);
+    if (!this.#stage.isLive) look.append(h("p", { className: "note" }, t("still")));
+    this.#take = new Take(take, api, this.#runner, this.#stage);
+    this.#take.onProblem = onProblem;
+    this.#take.onNote = onNote;
+    this.#take.onJob = job => this.#jobs.add(job.id);
+    showStart(files => void this.load(files), onProblem);
+    this.#listen();
+  }
+
+  // Files from anywhere on the page.
+  #listen(): void {
+    let depth = 0; // dragenter and dragleave come for each element
+    const isFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
+    const mark = (by: number) => {
+      depth = Math.max(0, depth + by);
+      document.body.classList.toggle("dragging", depth > 0);
+    };
+    document.addEventListener("dragenter", event => {
+      if (isFiles(event)) mark(1);
+    });
+    document.addEventListener("dragleave", event => {
+      if (isFiles(event)) mark(-1);
+    });
+    document.addEventListener("dragover", event => event.preventDefault());
+    document.addEventListener("drop", event => {
+      event.preventDefault();
+      depth = 0;
+      mark(0);
+      if (event.dataTransfer) this.#transfer(event.dataTransfer);
+    });
+    document.addEventListener("paste", event => {
+      if (event.clipboardData && event.clipboardData.files.length > 0)
+        this.#transfer(event.clipboardData);
+    });
+    for (const id of ["files", "folder"]) {
+      const input = byId<HTMLInputElement>(id);
+      input.addEventListener("change", () => {
+        void this.load(filesOfInput(input));
+        input.value = "";
+      });
+    }
+  }
+
+  #transfer(data: DataTransfer): void {
+    filesOfTransfer(data)
+      .then(files => this.load(files))
+      .catch(this.onProblem);
+  }
+
+  /** Uploads the files and voxelizes their mesh. */
+  async load(files: readonly NamedFile[]): Promise<void> {
+    if (files.length === 0) return;
+    const bundle = bundleOf(files) ?? (this.#bundle && extended(this.#bundle, files));
+    if (!bundle) {
+      this.onProblem(
+        new Error(
+          t("noMesh", {
+            names: files
+              .slice(0, 5)
+              .map(file => file.name)
+              .join(", "),
+          }),
+        ),
+      );
+      return;
+    }
+    if (bundle.ignored > 0) this.onNote(t("ignored", { n: bundle.ignored }));
+    this.#loading?.abort();
+    const loading = (this.#loading = new AbortController());
+    try {
+      await this.#runner.stop();
+      if (loading.signal.aborted) return; // another mesh has come
+      this.#begin(bundle);
+      const { asset, members } = await uploadBundle(
+        this.api,
+        bundle,
+        step => this.#showUpload(step),
+        loading.signal,
+      );
+      this.#asset = asset;
+      this.#assets = [...new Set([asset.id, ...members])];
+      this.#showOver("");
+      await this.#describe(asset, bundle, loading.signal);
+    } catch (error) {
+      if (this.#loading !== loading) return; // another mesh has come
+      this.#showOver("");
+      if (!this.#asset) this.#close();
+      if (!isAbort(error)) this.onProblem(error);
+    }
+  }
+
+  #begin(bundle: Bundle): void {
+    this.#bundle = bundle;
+    this.#asset = null;
+    this.#jobs.clear();
+    this.#price = null;
+    this.#keepCamera = false;
+    this.#stage.clear();
+    document.body.classList.remove("shown");
+    this.#timeline.show(0, 0, 1);
+    this.#take.show(null);
+    this.#settings.reset();
+    byId("banner").hidden = true;
+    byId("start").hidden = true;
+    this.#facts.hidden = true;
+    this.#panel.hidden = false;
+    document.body.classList.add("open");
+    this.#title.textContent = stemOf(bundle.mesh.name);
+    fill(this.#description);
+    this.#missing.hidden = true;
+    this.#jobLine.textContent = this.#priceLine.textContent = "";
+  }
+
+  async #describe(asset: Asset, bundle: Bundle, signal: AbortSignal): Promise<void> {
+    const described = this.api.json<AssetDescription>(`/v1/assets/${asset.id}`, { signal });
+    const mayMove = MAY_MOVE.test(bundle.mesh.name);
+    // A still mesh is voxelized while it is described.
+    const first = mayMove ? null : this.#run();
+    try {
+      const description = await described;
+      this.#settings.describe(description);
+      this.#showDescription(description);
+      if (mayMove) void this.#run();
+    } catch (error) {
+      await first;
+      throw error;
+    }
+  }
+
+  #showDescription(mesh: AssetDescription): void {
+    const textures = mesh.materials.filter(material => material.texture !== null).length;
+    const animations = mesh.animations?.length ?? 0,
+      parts = mesh.part_count ?? 0;
+    const facts = [
+      `${mesh.format.toUpperCase()}, ${bytesText(this.#bundle?.files.reduce((sum, file) => sum + file.blob.size, 0) ?? mesh.bytes)}`,
+      mesh.voxels
+        ? t("done", { voxels: count(mesh.voxels.voxel_count), dims: mesh.voxels.dims.join(" × ") })
+        : t("triangles", { n: count(mesh.triangles) }),
+      parts > 1 && t("parts", { n: count(parts) }),
+      textures > 0
+        ? textures === 1
+          ? t("oneTexture")
+          : t("textures", { n: textures })
+        : t(mesh.has_colors ? "vertexColors" : "noColors"),
+      animations > 0 && (animations === 1 ? t("oneAnimation") : t("animations", { n: animations })),
+      mesh.watertight === true && !mesh.voxels
+        ? t("watertight")
+        : mesh.watertight === false &&
+          t("notWatertight", { n: count((mesh.open_edges ?? 0) + (mesh.non_manifold_edges ?? 0)) }),
+    ];
+    fill(this.#description, ...facts.map(fact => fact && h("li", {}, fact)));
+    this.#missing.hidden = mesh.missing_files.length === 0;
+    this.#missing.textContent = t("missing", {
+      names: mesh.missing_files.map(file => file.name).join(", "),
+    });
+  }
+
+  get #wish(): Wish | null {
+    return this.#asset && this.#bundle
+      ? { asset: this.#asset.id, filename: this.#nameOfMesh, options: this.#settings.options }
+      : null;
+  }
+  get #nameOfMesh(): string {
+    const bundle = this.#bundle as Bundle;
+    return bundle.files.length > 1 ? `${stemOf(bundle.mesh.name)}.bundle.json` : bundle.mesh.name;
+  }
+
+  // A change of the settings: what is under way is superseded. A quick job follows by itself.
+  #changed(isFinal: boolean): void {
+    if (!this.#asset) return;
+    window.clearTimeout(this.#timer);
+    if (this.#runner.isRunning) void this.#cancel();
+    this.#timer = window.setTimeout(
+      () =>
+        void this.#askPrice().then(price => {
+          if (!price) return;
+          if (price.cached || price.estimate.seconds <= AUTO_SECONDS_MAX) {
+            this.#timer = window.setTimeout(() => void this.#run(), isFinal ? 0 : RUN_DELAY_MS);
+          }
+        }),
+      PRICE_DELAY_MS,
+    );
+  }
+
+  async #askPrice(): Promise<DryRun | null> {
+    const wish = this.#wish;
+    if (!wish) return null;
+    this.#pricing?.abort();
+    const pricing = (this.#pricing = new AbortController());
+    try {
+      this.#price = await this.#runner.price(wish, pricing.signal);
+      showPrice(this.#priceLine, this.#price);
+      this.#priceLine.classList.remove("error");
+      return this.#price;
+    } catch (error) {
+      if (isAbort(error)) return null;
+      this.#price = null;
+      this.#priceLine.textContent = (error as Error).message;
+      this.#priceLine.classList.add("error");
+      this.onProblem(error);
+      return null;
+    }
+  }
+
+  async #run(): Promise<void> {
+    window.clearTimeout(this.#timer);
+    const price = await this.#askPrice();
+    const wish = this.#wish;
+    if (!price || !wish) return;
+    const job = await this.#runner.run(wish, price);
+    this.#showIdle();
+    if (job) {
+      this.#take.show({
+        job,
+        wish,
+        stem: stemOf(this.#nameOfMesh),
+        files: (this.#bundle as Bundle).files.map(file => file.name),
+      });
+    }
+  }
+
+  async #cancel(): Promise<void> {
+    try {
+      await this.#runner.stop();
+    } catch (error) {
+      if (!isAbort(error)) this.onProblem(error);
+    }
+    this.#showIdle();
+    this.#jobLine.textContent = t("cancelled");
+  }
+
+  #showIdle(): void {
+    if (this.#runner.isRunning) return;
+    this.#cancelButton.hidden = this.#progress.hidden = true;
+    this.#showOver("");
+  }
+
+  #showJob(job: JobStatus, isPreview: boolean): void {
+    this.#jobs.add(job.id);
+    const isLive = job.state === "queued" || job.state === "running";
+    this.#cancelButton.hidden = this.#progress.hidden = !isLive && !isPreview;
+    const [done, total] =
+      job.frames_total > 0
+        ? [job.frames_done, job.frames_total]
+        : [job.tiles_done, job.tiles_total];
+    if (isLive && total > 0) {
+      this.#progress.max = total;
+      this.#progress.value = done;
+    } else {
+      this.#progress.removeAttribute("value");
+    }
+    this.#jobLine.textContent = isPreview ? t("preview", { n: 128 }) : this.#jobText(job);
+  }
+
+  #jobText(job: JobStatus): string {
+    if (job.state === "queued") {
+      return job.waiting_for
+        ? t("queuedFor", { what: job.waiting_for })
+        : t("queued", { n: job.queue_position });
+    }
+    if (job.state === "cancelled") return t("cancelled");
+    if (job.state !== "running") return "";
+    const left = ((job.expected_end_ms ?? 0) - Date.now()) / 1000;
+    const text =
+      job.frames_total > 0
+        ? t("runningFrames", { done: job.frames_done, total: job.frames_total })
+        : job.tiles_total > 1
+          ? t("runningTiles", { done: job.tiles_done, total: job.tiles_total })
+          : t("running");
+    return left > 1 ? `${text}; ${t("endsIn", { time: duration(left) })}` : text;
+  }
+
+  async #showGrid(job: JobStatus, isPreview: boolean): Promise<void> {
+    const meta = job.result?.meta ?? {};
+    const isMoving = !isPreview && (job.frames_total > 0 || Boolean(job.result?.sequence));
+    if (isMoving) {
+      const isNew = this.#shownJob !== job.id;
+      this.#shownJob = job.id;
+      this.#frameMeta = meta;
+      this.#timeline.show(
+        job.frames_done,
+        job.frames_total,
+        meta.fps || Number(this.#settings.options["fps"]) || 24,
+      );
+      if (isNew || job.state === "done") await this.#showFrame(this.#timeline.current);
+    } else {
+      this.#timeline.show(0, 0, 1);
+      if (!this.#stage.path && this.#stage.isLive) this.#showOver(t("fetching"));
+      await this.#show(`/v1/grids/${job.result?.grid ?? ""}`, meta);
+      this.#showOver("");
+    }
+    this.#showFacts(meta, isPreview);
+  }
+
+  #showFrame(frame: number): Promise<void> {
+    return this.#show(`/v1/jobs/${this.#shownJob}/frames/${frame}`, this.#frameMeta);
+  }
+
+  async #show(path: string, meta: GridMeta): Promise<void> {
+    try {
+      await this.#stage.show({ path, meta }, this.#keepCamera);
+      this.#keepCamera = true;
+      document.body.classList.add("shown");
+      this.#look.show(meta);
+    } catch (error) {
+      if (!isAbort(error)) throw error;
+    }
+  }
+
+  #showFacts(meta: GridMeta, isPreview: boolean): void {
+    const dims = meta.dims;
+    this.#facts.hidden = !dims;
+    if (!dims) return;
+    const { level } = this.#stage;
+    const places = { voxels: count(meta.voxel_count ?? 0), dims: dims.join(" × ") };
+    this.#facts.textContent =
+      t(meta.voxel_count ? "done" : "doneFrames", places) +
+      (isPreview
+        ? ` · ${t("preview", { n: 128 })}`
+        : level > 0
+          ? ` · ${t("doneLevel", { n: 2 ** level })}`
+          : "");
+  }
+
+  #showUpload(step: UploadStep): void {
+    const { kind, name } = step;
+    this.#showOver(
+      kind === "hashing"
+        ? t("hashing", { name })
+        : kind === "known"
+          ? t("knownFile", { name })
+          : t("uploading", { name, done: bytesText(step.done), total: bytesText(step.total) }),
+      step.done / Math.max(1, step.total),
+    );
+    if (kind === "known") this.onNote(t("knownFile", { name }));
+  }
+
+  // A line over the view, with its share done, 0..1.
+  #showOver(text: string, share = -1): void {
+    this.#over.hidden = !text;
+    fill(
+      this.#over,
+      h("span", {}, text),
+      share >= 0 && h("progress", { max: 1, value: share, "aria-label": text }),
+    );
+  }
+
+  /** Deletes the mesh and what was made of it. */
+  async #remove(): Promise<void> {
+    const asset = this.#asset,
+      bundle = this.#bundle;
+    if (!asset || !bundle) return;
+    const name = this.#title.textContent ?? "";
+    const paths = [
+      ...[...this.#jobs].map(id => `/v1/jobs/${id}/result`),
+      ...this.#assets.map(id => `/v1/assets/${id}`),
+    ];
+    this.#close();
+    await this.#runner.stop();
+    try {
+      for (const path of paths) {
+        await this.api.request(path, { method: "DELETE" }).catch((error: { status?: number }) => {
+          if (![404, 409, 410].includes(error.status ?? 0)) throw error; // gone already, or never made
+        });
+      }
+      this.onNote(t("removed", { name }));
+    } catch (error) {
+      if (!isAbort(error)) this.onProblem(error);
+    }
+  }
+
+  /** Back to the start. */
+  #close(): void {
+    this.#loading?.abort();
+    this.#pricing?.abort();
+    window.clearTimeout(this.#timer);
+    void this.#runner.stop().catch(this.onProblem);
+    this.#bundle = this.#asset = null;
+    this.#stage.clear();
+    this.#timeline.show(0, 0, 1);
+    this.#panel.hidden = this.#facts.hidden = true;
+    this.#showOver("");
+    byId("start").hidden = false;
+    document.body.classList.remove("open", "shown");
+  }
+}

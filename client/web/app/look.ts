@@ -1,0 +1,170 @@
+// The look of the view: style, channel, section; and the voxel under the pointer.
+import { field, h, segments, select, setChoices, type Choice } from "./dom";
+import type { GridMeta, NamedId } from "./model";
+import type { Stage } from "./stage";
+import { t, type TextKey } from "./texts";
+import type { Channel, Hit, Section, Style } from "../view/viewer";
+
+const STYLES = ["voxel", "smooth", "clay", "iso", "blueprint"] as const;
+const AXES = ["x", "y", "z"] as const;
+type Axis = (typeof AXES)[number];
+
+export class Look {
+  #axis: Axis | "" = "";
+  #isFlipped = false;
+  readonly #channels = h("select");
+  readonly #channelField: HTMLElement;
+  readonly #cut = h("input", { type: "range", min: "0", step: "1", id: "cut" });
+  readonly #cutRow: HTMLElement;
+  readonly #cutText = h("output", { htmlFor: "cut" });
+  #meta: GridMeta = {};
+
+  constructor(
+    parent: HTMLElement,
+    private readonly stage: Stage,
+    private readonly pickText: HTMLElement,
+    canvas: HTMLCanvasElement,
+  ) {
+    const upper = (name: string) => name.charAt(0).toUpperCase() + name.slice(1);
+    this.#channels.addEventListener("change", () => {
+      this.stage.channel = (this.#channels.value || null) as Channel | null;
+    });
+    this.#channelField = field(t("channel"), this.#channels);
+    this.#cut.setAttribute("aria-label", t("section"));
+    this.#cut.addEventListener("input", () => this.#showCut());
+    const flip = h(
+      "button",
+      {
+        "aria-pressed": "false",
+        onclick: () => {
+          this.#isFlipped = !this.#isFlipped;
+          flip.setAttribute("aria-pressed", String(this.#isFlipped));
+          this.#showCut();
+        },
+      },
+      t("flip"),
+    );
+    this.#cutRow = h("div", { className: "row cut", hidden: true }, this.#cut, this.#cutText, flip);
+    parent.append(
+      field(
+        t("style"),
+        select(
+          STYLES.map(value => ({ value, text: t(`style${upper(value)}` as TextKey) })),
+          "voxel",
+          value => {
+            this.stage.style = value as Style;
+          },
+        ),
+      ),
+      this.#channelField,
+      segments(
+        t("section"),
+        [{ value: "", text: t("sectionOff") }, ...AXES.map(value => ({ value, text: value }))],
+        "",
+        value => this.#choose(value as Axis | ""),
+      ),
+      this.#cutRow,
+      h(
+        "div",
+        { className: "row" },
+        h("button", { id: "reset", onclick: () => this.stage.resetView() }, t("resetView")),
+      ),
+    );
+    canvas.addEventListener("pointermove", event => {
+      if (event.buttons === 0) this.#pick(event.offsetX, event.offsetY);
+    });
+    canvas.addEventListener("pointerleave", () => {
+      this.pickText.hidden = true;
+    });
+    this.show({});
+  }
+
+  /** Adapts to the grid that is shown. */
+  show(meta: GridMeta): void {
+    this.#meta = meta;
+    const grid = this.stage.grid;
+    const known: Choice[] = (this.stage.isLive ? (grid?.channels ?? []) : []).map(value => ({
+      value,
+      text: t(`channel_${value}`),
+    }));
+    const old = this.stage.channel;
+    const kept = known.some(choice => choice.value === old) ? (old as string) : "";
+    setChoices(this.#channels, [{ value: "", text: t("channelOwn") }, ...known], kept);
+    if (kept !== (old ?? "")) this.stage.channel = null;
+    this.#channelField.hidden = known.length === 0;
+    if (this.#axis) this.#choose(this.#axis, true);
+  }
+
+  // The grid's cells on a side of a cell that is shown.
+  get #scale(): number {
+    return 2 ** this.stage.level;
+  }
+
+  #choose(axis: Axis | "", keepsPlace = false): void {
+    const grid = this.stage.grid;
+    this.#axis = axis;
+    this.#cutRow.hidden = !axis || !grid;
+    if (axis && grid) {
+      const cells = grid.dims[AXES.indexOf(axis)] as number;
+      const share =
+        keepsPlace && Number(this.#cut.max) > 0
+          ? Number(this.#cut.value) / Number(this.#cut.max)
+          : 0.5;
+      this.#cut.max = String(cells);
+      this.#cut.value = String(Math.round(cells * share));
+    }
+    this.#showCut();
+  }
+
+  #showCut(): void {
+    const grid = this.stage.grid;
+    if (!this.#axis || !grid) {
+      this.stage.section = { plane: null, box: null };
+      return;
+    }
+    const k = AXES.indexOf(this.#axis);
+    const cut = Number(this.#cut.value);
+    const place = (grid.origin[k] as number) + cut * (grid.voxelSize[k] as number);
+    // A coarser level's cells are several of the grid's on a side, the last ones fewer.
+    const total = this.#meta.dims?.[k] ?? (grid.dims[k] as number) * this.#scale;
+    const cells = Math.min(total, cut * this.#scale);
+    this.#cutText.textContent = `${cells} / ${total}`;
+    this.#cut.setAttribute("aria-valuetext", t("sectionAt", { n: cells, total }));
+    const sign = this.#isFlipped ? -1 : 1;
+    const plane = [0, 0, 0, -sign * place];
+    plane[k] = sign;
+    this.stage.section = { plane: plane as unknown as Section["plane"], box: null };
+  }
+
+  #pick(x: number, y: number): void {
+    const hit = this.stage.isLive ? (this.stage.viewer?.pick(x, y) ?? null) : null;
+    this.pickText.hidden = !hit;
+    if (!hit) return;
+    const swatch = h("i", { className: "swatch", "aria-hidden": "true" });
+    if (hit.color) swatch.style.background = `rgb(${hit.color[0]} ${hit.color[1]} ${hit.color[2]})`;
+    this.pickText.replaceChildren(...(hit.color ? [swatch] : []), this.#describe(hit));
+  }
+
+  #describe(hit: Hit): string {
+    const named = (list: readonly NamedId[] | undefined, id: number) =>
+      list?.find(one => one.id === id)?.name || `#${id}`;
+    const [x, y, z] = hit.cell.map(c => c * this.#scale) as [number, number, number];
+    const parts = [t("cell", { x, y, z })];
+    if (hit.color)
+      parts.push(
+        "#" +
+          hit.color
+            .slice(0, 3)
+            .map(value => value.toString(16).padStart(2, "0"))
+            .join(""),
+      );
+    if (hit.material)
+      parts.push(`${t("channel_material")}: ${named(this.#meta.materials, hit.material)}`);
+    if (hit.label) parts.push(`${t("channel_label")}: ${named(this.#meta.labels, hit.label)}`);
+    if (hit.distance !== undefined)
+      parts.push(t("distanceIs", { n: (hit.distance * this.#scale).toFixed(2) }));
+    if (hit.coverage !== undefined)
+      parts.push(t("coverageIs", { n: Math.round(100 * hit.coverage) }));
+    return parts.join(" · ");
+  }
+}

@@ -1,0 +1,181 @@
+// Jobs of the page: a small one for the eye, then the one that is wanted. A newer wish supersedes
+// the one before, whose job is cancelled.
+import { isAbort, Problem, type Api } from "./api";
+import { hasEnded, type DryRun, type JobStatus } from "./model";
+
+export type Options = Readonly<Record<string, string | number | readonly string[]>>;
+
+/** One wish: a mesh and the options of its voxels. */
+export interface Wish {
+  readonly asset: string;
+  readonly filename: string;
+  readonly options: Options;
+}
+
+export interface RunnerHooks {
+  /** A job waits, runs or has ended; `isPreview`: the one for the eye. */
+  onStatus(job: JobStatus, isPreview: boolean): void;
+  /** Grids to show: of an ended job, or of a sequence that has a new frame. */
+  onGrid(job: JobStatus, isPreview: boolean): Promise<void>;
+  onProblem(error: unknown): void;
+}
+
+const PREVIEW_SIZE = 128;
+const INSTANT_SECONDS = 0.25; // jobs of less need no preview
+const ANIMATION_OPTIONS = ["animation", "fps", "frames", "times", "root_motion"];
+
+function randomKey(): string {
+  return [...crypto.getRandomValues(new Uint8Array(16))]
+    .map(byte => byte.toString(16).padStart(2, "0"))
+    .join("");
+}
+
+export class Runner {
+  #running: AbortController | null = null;
+  #active = ""; // id of a job that has not ended
+  #submitting: Promise<unknown> = Promise.resolve(); // the last request for a job
+
+  constructor(
+    private readonly api: Api,
+    private readonly hooks: RunnerHooks,
+  ) {}
+
+  get isRunning(): boolean {
+    return this.#running !== null;
+  }
+
+  /** What the wish would cost. Throws Problem, AbortError. */
+  price(wish: Wish, signal: AbortSignal): Promise<DryRun> {
+    return this.api.json<DryRun>("/v1/jobs?dry_run=1", { body: this.#body(wish), signal });
+  }
+
+  /** Runs the wish in place of the one before. The job, when it is done; null if it has failed or was superseded. */
+  async run(wish: Wish, price: DryRun | null): Promise<JobStatus | null> {
+    const stopped = this.stop();
+    const running = (this.#running = new AbortController());
+    try {
+      await stopped;
+      const isSmall =
+        Number(wish.options["size"] ?? PREVIEW_SIZE) <= PREVIEW_SIZE && !isSequence(wish.options);
+      const isInstant =
+        price !== null && (price.cached || price.estimate.seconds < INSTANT_SECONDS);
+      if (!isSmall && !isInstant) await this.#preview(wish, running.signal);
+      const job = await this.#follow(this.#body(wish), false, running.signal);
+      if (job.state === "failed") throw problemOf(job);
+      return job.state === "done" && !running.signal.aborted ? job : null;
+    } catch (error) {
+      if (!isAbort(error) && !running.signal.aborted) this.hooks.onProblem(error);
+    } finally {
+      if (this.#running === running) this.#running = null;
+    }
+    return null;
+  }
+
+  /** Cancels what runs. */
+  async stop(): Promise<void> {
+    const job = this.#active;
+    this.#running?.abort();
+    this.#running = null;
+    this.#active = "";
+    const status = job && (await this.#cancel(job));
+    if (status) this.hooks.onStatus({ ...status, state: "cancelled" }, false);
+    await this.#submitting;
+  }
+
+  /** Submits another kind of job and waits for its end, with its states to `onStatus`. */
+  async other(
+    body: unknown,
+    onStatus: (job: JobStatus) => void,
+    signal: AbortSignal,
+  ): Promise<JobStatus> {
+    let job = await this.#submit(body, signal);
+    onStatus(job);
+    if (!hasEnded(job)) {
+      try {
+        for await (const status of this.api.events(job.id, signal)) onStatus((job = status));
+      } catch (error) {
+        if (signal.aborted) void this.#cancel(job.id).catch(() => undefined);
+        throw error;
+      }
+    }
+    if (job.state !== "done") throw problemOf(job);
+    return job;
+  }
+
+  #body(wish: Wish): object {
+    return { kind: "voxelize", asset: wish.asset, filename: wish.filename, options: wish.options };
+  }
+
+  // A request that is under way is not cut off: its job could not be cancelled.
+  async #submit(body: unknown, signal: AbortSignal): Promise<JobStatus> {
+    const headers = { "Idempotency-Key": randomKey() };
+    const submitted = this.api
+      .json<JobStatus>("/v1/jobs", { body, headers, signal, isWhole: true })
+      .then(async job => {
+        if (signal.aborted) await this.#cancel(job.id);
+        return job;
+      });
+    this.#submitting = submitted.catch(() => undefined);
+    const job = await submitted;
+    signal.throwIfAborted();
+    return job;
+  }
+
+  // The job's status; null if it has ended before.
+  async #cancel(job: string): Promise<JobStatus | null> {
+    try {
+      return await this.api.json<JobStatus>(`/v1/jobs/${job}`, { method: "DELETE" });
+    } catch (error) {
+      if (error instanceof Problem) return null;
+      throw error;
+    }
+  }
+
+  // Ignores a failed preview; the requested job reports the error.
+  async #preview(wish: Wish, signal: AbortSignal): Promise<void> {
+    let options: Record<string, unknown> = { ...wish.options, size: PREVIEW_SIZE };
+    delete options["voxel_size"];
+    if (isSequence(wish.options)) {
+      const kept = Object.entries(options).filter(([name]) => !ANIMATION_OPTIONS.includes(name));
+      options = { ...Object.fromEntries(kept), animation: wish.options["animation"], time: 0 };
+    }
+    try {
+      await this.#follow({ ...this.#body(wish), options, priority: 10 }, true, signal);
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+    }
+  }
+
+  // Submits a job and shows its states and grids until it has ended.
+  async #follow(body: unknown, isPreview: boolean, signal: AbortSignal): Promise<JobStatus> {
+    let job = await this.#submit(body, signal);
+    let framesShown = 0;
+    const show = async () => {
+      signal.throwIfAborted();
+      this.#active = hasEnded(job) ? "" : job.id;
+      this.hooks.onStatus(job, isPreview);
+      if (hasEnded(job) || job.frames_done <= framesShown) return;
+      framesShown = job.frames_done;
+      await this.hooks.onGrid(job, isPreview);
+    };
+    await show();
+    if (!hasEnded(job)) {
+      for await (job of this.api.events(job.id, signal)) await show();
+    }
+    if (job.state === "done") {
+      job = await this.api.json<JobStatus>(`/v1/jobs/${job.id}`, { signal }); // with all of its meta
+      await this.hooks.onGrid(job, isPreview);
+      if (!signal.aborted) this.hooks.onStatus(job, isPreview);
+    }
+    return job;
+  }
+}
+
+function problemOf({ error, state }: JobStatus): Problem {
+  return Problem.of(error ?? { code: state, detail: state });
+}
+
+/** Whether voxels of these options are a grid for each frame of an animation. */
+export function isSequence(options: Options): boolean {
+  return options["animation"] !== undefined && options["time"] === undefined;
+}

@@ -1,0 +1,211 @@
+// The view of the current grid: the WebGL viewer, or pictures of the daemon where there is none.
+import type { Api } from "./api";
+import { createViewer } from "../view/create_viewer";
+import { Picture, START } from "./picture";
+import type { GridMeta } from "./model";
+import type { Camera, Channel, GridInfo, Section, Style, Viewer } from "../view/viewer";
+
+/** Cells on a side that are shown at most: coarser levels stand for larger grids. */
+export const SHOWN_SIDE_MAX = 1024;
+const COARSER_LEVELS = 2; // tried where a grid has too many bricks
+const CACHED_BYTES_MAX = 64 << 20; // of containers; the oldest go first
+
+/** The place of a grid and what is known of it. */
+export interface Shown {
+  readonly path: string; // "/v1/grids/{id}" or "/v1/jobs/{id}/frames/{index}"
+  readonly meta: GridMeta;
+}
+
+/** The level at which a grid of these dims has at most SHOWN_SIDE_MAX cells on a side. */
+export function levelFor(dims: readonly number[] | undefined): number {
+  return Math.max(0, Math.ceil(Math.log2(Math.max(1, ...(dims ?? [1])) / SHOWN_SIDE_MAX)));
+}
+
+export class Stage {
+  readonly viewer: Viewer | null;
+  readonly picture: Picture;
+  level = 0; // of what is shown
+  onCamera: ((camera: Camera) => void) | null = null;
+  onLost: () => void = () => undefined;
+  onProblem: (error: unknown) => void = () => undefined;
+
+  #isLost = false;
+  #shown: Shown | null = null;
+  #info: GridInfo | null = null;
+  readonly #fetching = new Map<string, Promise<ArrayBuffer>>();
+  readonly #cache = new Map<string, ArrayBuffer>();
+  #showing = 0;
+
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly image: HTMLImageElement,
+    private readonly api: Api,
+    workerUrl: string,
+    wantsViewer: boolean,
+  ) {
+    this.viewer = wantsViewer ? createViewer(canvas, workerUrl) : null;
+    this.picture = new Picture(image, api);
+    this.picture.onCamera = camera => this.onCamera?.(camera);
+    this.picture.onProblem = error => this.onProblem(error);
+    if (this.viewer) {
+      this.viewer.onCamera = camera => this.onCamera?.(camera);
+      this.viewer.onLost = () => this.#lose();
+    }
+    canvas.hidden = !this.viewer;
+    image.hidden = Boolean(this.viewer);
+  }
+
+  /** Whether WebGL draws. */
+  get isLive(): boolean {
+    return this.viewer !== null && !this.#isLost;
+  }
+  /** The path of what is shown: "/v1/grids/{id}", or empty. */
+  get path(): string {
+    return this.#shown?.path ?? "";
+  }
+  get grid(): GridInfo | null {
+    return this.isLive ? (this.viewer?.grid ?? null) : this.#info;
+  }
+  get camera(): Camera {
+    return this.isLive ? (this.viewer as Viewer).camera : this.picture.camera;
+  }
+  set camera(camera: Camera) {
+    if (this.isLive) (this.viewer as Viewer).camera = camera;
+    else this.picture.camera = camera;
+  }
+  get style(): Style {
+    return this.picture.style;
+  }
+  set style(style: Style) {
+    if (this.viewer) this.viewer.style = style;
+    this.picture.style = style;
+    if (!this.isLive) this.picture.redraw();
+  }
+  get channel(): Channel | null {
+    return this.viewer?.channel ?? null;
+  }
+  set channel(channel: Channel | null) {
+    if (this.viewer) this.viewer.channel = channel;
+  }
+  get section(): Section {
+    return this.picture.section;
+  }
+  set section(section: Section) {
+    if (this.viewer) this.viewer.section = section;
+    this.picture.section = section;
+    if (!this.isLive) this.picture.redraw();
+  }
+
+  resetView(): void {
+    this.camera = { ...START };
+  }
+
+  /** Exchanges the picture in place. Throws Problem, DecodeError, or AbortError if superseded. */
+  async show(shown: Shown, keepCamera: boolean): Promise<void> {
+    const turn = ++this.#showing;
+    if (this.isLive) {
+      await this.#decode(shown, turn, keepCamera);
+      this.#checkTurn(turn);
+    }
+    // The context may have been lost meanwhile.
+    if (!this.isLive) {
+      this.level = 0;
+      this.picture.show(`${shown.path}/render.png`, keepCamera ? this.picture.camera : START);
+    }
+    this.#shown = shown;
+    this.#info = infoOf(shown.meta);
+  }
+
+  clear(): void {
+    ++this.#showing;
+    this.#shown = this.#info = null;
+    this.level = 0;
+    this.#fetching.clear();
+    this.#cache.clear();
+    this.viewer?.clear();
+    this.picture.show("");
+  }
+
+  /** Fetches a grid that will be shown soon. */
+  prefetch(path: string): void {
+    if (this.isLive) void this.#fetchGrid(path, "").catch(() => undefined);
+  }
+
+  #checkTurn(turn: number): void {
+    if (turn !== this.#showing) throw new DOMException("", "AbortError");
+  }
+
+  // The finest level that the viewer can draw. A container of codec small is asked for as fast.
+  async #decode(shown: Shown, turn: number, keepCamera: boolean): Promise<void> {
+    const viewer = this.viewer as Viewer,
+      first = levelFor(shown.meta.dims);
+    for (let level = first, codec = ""; ;) {
+      const query = new URLSearchParams({
+        ...(level > 0 ? { level: String(level) } : {}),
+        ...(codec ? { codec } : {}),
+      }).toString();
+      const bytes = await this.#fetchGrid(shown.path, query && `?${query}`);
+      this.#checkTurn(turn);
+      try {
+        await viewer.show(bytes, { keepCamera });
+        this.level = level;
+        return;
+      } catch (error) {
+        if ((error as Error).name !== "DecodeError") throw error;
+        if (!codec && /codec/.test((error as Error).message)) codec = "fast";
+        else if (++level > first + COARSER_LEVELS) throw error; // else it has too many bricks
+      }
+    }
+  }
+
+  async #fetchGrid(path: string, query: string): Promise<ArrayBuffer> {
+    const key = path + query;
+    const known = this.#cache.get(key) ?? this.#fetching.get(key);
+    if (known) return known;
+    const fetched = this.api
+      .request(key, { headers: { Accept: "application/vnd.voxeld.grid" } })
+      .then(response => response.arrayBuffer());
+    this.#fetching.set(key, fetched);
+    try {
+      const bytes = await fetched;
+      if (this.#fetching.get(key) === fetched) this.#keep(key, bytes); // else the cache was cleared
+      return bytes;
+    } finally {
+      if (this.#fetching.get(key) === fetched) this.#fetching.delete(key);
+    }
+  }
+
+  #keep(key: string, bytes: ArrayBuffer): void {
+    this.#cache.set(key, bytes);
+    let sum = 0;
+    for (const kept of this.#cache.values()) sum += kept.byteLength;
+    for (const [old, { byteLength }] of this.#cache) {
+      if (sum <= CACHED_BYTES_MAX) break;
+      this.#cache.delete(old);
+      sum -= byteLength;
+    }
+  }
+
+  #lose(): void {
+    if (this.#isLost) return;
+    const { camera } = this;
+    this.#isLost = true;
+    this.level = 0;
+    this.canvas.hidden = true;
+    this.image.hidden = false;
+    this.onLost();
+    if (this.#shown) this.picture.show(`${this.#shown.path}/render.png`, camera);
+  }
+}
+
+function infoOf(meta: GridMeta): GridInfo | null {
+  if (!meta.dims || !meta.origin || !meta.voxel_size) return null;
+  const known = ["color", "normal", "material", "label", "distance", "coverage"];
+  return {
+    dims: meta.dims,
+    origin: meta.origin,
+    voxelSize: meta.voxel_size,
+    voxels: meta.voxel_count ?? 0,
+    channels: (meta.channels ?? []).filter(name => known.includes(name)) as Channel[],
+  };
+}

@@ -1,0 +1,434 @@
+// Downloads: files, images, links, commands.
+import { isAbort, type Api } from "./api";
+import { cliCommand, cppCode, curlCommand, pythonCode, type Recipe } from "./commands";
+import { field, fill, followLink, h, saveBlob, select } from "./dom";
+import { formatOf, formats, optionText, type OutputFormat } from "./formats";
+import type { DryRun, JobStatus } from "./model";
+import { viewOptions } from "./picture";
+import type { Options, Runner, Wish } from "./runner";
+import type { Stage } from "./stage";
+import { bytesText, t } from "./texts";
+
+/** The result that is taken home. */
+export interface Source {
+  readonly job: JobStatus;
+  readonly wish: Wish;
+  readonly stem: string; // of names of files
+  readonly files: readonly string[]; // names of the mesh and the files beside it
+}
+
+const HOUR_SECONDS = 3600;
+const LIFETIMES = [
+  ["hour", 1],
+  ["day", 24],
+  ["week", 168],
+  ["month", 720],
+] as const;
+const TURNTABLE = { turntable: 36, rate: 18, width: 400, height: 400 };
+const IMAGE_SIDE_MAX = 4096;
+
+export class Take {
+  onProblem: (error: unknown) => void = () => undefined;
+  onNote: (text: string) => void = () => undefined;
+  /** After a job was submitted, for its deletion. */
+  onJob: (job: JobStatus) => void = () => undefined;
+
+  #source: Source | null = null;
+  #format: OutputFormat = formats[0] as OutputFormat;
+  #values: Record<string, string | number> = {};
+  #asking: AbortController | null = null;
+  #busy: AbortController | null = null;
+  readonly #formatSelect: HTMLSelectElement;
+  readonly #optionFields = h("div", { className: "stack" });
+  readonly #size = h("span", { className: "quiet" });
+  readonly #download = h(
+    "button",
+    { className: "primary", onclick: () => this.#guard(signal => this.#takeFile(signal)) },
+    t("download"),
+  );
+  readonly #width = h("input", {
+    type: "number",
+    min: "1",
+    max: String(IMAGE_SIDE_MAX),
+    value: "1600",
+  });
+  readonly #height = h("input", {
+    type: "number",
+    min: "1",
+    max: String(IMAGE_SIDE_MAX),
+    value: "1200",
+  });
+  readonly #transparent = h("input", { type: "checkbox" });
+  readonly #gif = h(
+    "button",
+    { onclick: () => this.#guard(signal => this.#takeGif(signal)) },
+    t("gif"),
+  );
+  readonly #lifetime = select(
+    LIFETIMES.map(([text, hours]) => ({ value: String(hours * HOUR_SECONDS), text: t(text) })),
+    String(24 * HOUR_SECONDS),
+    () => undefined,
+  );
+  readonly #link = h("input", { readOnly: true, "aria-label": t("share") });
+  readonly #linkRow = h("div", { className: "row", hidden: true });
+  readonly #linkNote = h("p", { className: "note", hidden: true });
+  readonly #code = h("pre", { tabIndex: 0, role: "group" });
+  #language: "curl" | "cli" | "python" | "cpp" = "curl";
+
+  constructor(
+    parent: HTMLElement,
+    private readonly api: Api,
+    private readonly runner: Runner,
+    private readonly stage: Stage,
+  ) {
+    this.#formatSelect = select(
+      formats.map(format => ({
+        value: format.name,
+        text: `${format.text} (${format.extension})`,
+        group: t(format.group),
+      })),
+      this.#format.name,
+      value => this.#choose(value),
+    );
+    this.#formatSelect.id = "format";
+    this.#lifetime.setAttribute("aria-label", t("shareFor"));
+    this.#linkRow.append(
+      this.#link,
+      h("button", { onclick: () => this.#copy(this.#link.value) }, t("copy")),
+    );
+    parent.append(
+      field(t("format"), this.#formatSelect),
+      this.#optionFields,
+      h("div", { className: "row" }, this.#download, this.#size),
+      h(
+        "div",
+        { className: "row" },
+        h("button", { onclick: () => this.#guard(signal => this.#share(signal)) }, t("share")),
+        h("span", { className: "quiet" }, t("shareFor")),
+        this.#lifetime,
+      ),
+      this.#linkRow,
+      this.#linkNote,
+      this.#pictures(),
+      this.#commands(),
+    );
+    this.#choose(this.#format.name);
+  }
+
+  /** What can be taken from now on; null: nothing. */
+  show(source: Source | null): void {
+    this.#source = source;
+    this.#linkRow.hidden = this.#linkNote.hidden = true;
+    this.#gif.textContent = source?.job.result?.sequence ? t("gifFrames") : t("gif");
+    if (this.#format.options.some(({ name }) => name === "channel")) {
+      this.#choose(this.#format.name);
+    } else {
+      this.#refresh();
+    }
+  }
+
+  #pictures(): HTMLElement {
+    this.#width.setAttribute("aria-label", t("width"));
+    this.#height.setAttribute("aria-label", t("height"));
+    return h(
+      "details",
+      { id: "pictures" },
+      h("summary", {}, t("picture")),
+      h(
+        "div",
+        { className: "row" },
+        this.#width,
+        h("span", { "aria-hidden": "true" }, "×"),
+        this.#height,
+        h("label", { className: "check" }, this.#transparent, t("transparent")),
+      ),
+      h(
+        "div",
+        { className: "row" },
+        h(
+          "button",
+          { id: "png", onclick: () => this.#guard(signal => this.#takePng(signal)) },
+          t("png"),
+        ),
+        this.#gif,
+      ),
+    );
+  }
+
+  #commands(): HTMLElement {
+    const languages = [
+      ["curl", "curl"],
+      ["cli", "CLI"],
+      ["python", "Python"],
+      ["cpp", "C++"],
+    ] as const;
+    const tabs = languages.map(([language, text]) =>
+      h(
+        "button",
+        {
+          "aria-pressed": String(language === this.#language),
+          onclick: () => {
+            this.#language = language;
+            tabs.forEach((tab, i) =>
+              tab.setAttribute("aria-pressed", String(languages[i]?.[0] === language)),
+            );
+            this.#showCode();
+          },
+        },
+        text,
+      ),
+    );
+    this.#code.setAttribute("aria-label", t("copyAs"));
+    return h(
+      "details",
+      { id: "commands" },
+      h("summary", {}, t("copyAs")),
+      h(
+        "div",
+        { className: "row tabs" },
+        ...tabs,
+        h(
+          "button",
+          { className: "end", onclick: () => this.#copy(this.#code.textContent ?? "") },
+          t("copy"),
+        ),
+      ),
+      this.#code,
+    );
+  }
+
+  #choose(name: string): void {
+    this.#format = formatOf(name);
+    this.#values = {};
+    fill(
+      this.#optionFields,
+      ...this.#format.options.map(option => {
+        if (option.range) {
+          const [min, max, value] = option.range;
+          return field(
+            optionText(option),
+            h("input", {
+              type: "number",
+              min: String(min),
+              max: String(max),
+              value: String(value),
+              onchange: (event: Event) =>
+                this.#setValue(
+                  option.name,
+                  Number((event.target as HTMLInputElement).value),
+                  value,
+                ),
+            }),
+          );
+        }
+        const has = this.#source?.job.result?.meta?.channels ?? [];
+        const values = option.values.filter(
+          (value, i) => i === 0 || option.name !== "channel" || has.includes(value),
+        );
+        return field(
+          optionText(option),
+          select(
+            values.map(value => ({ value, text: value })),
+            option.values[0] as string,
+            value => this.#setValue(option.name, value, option.values[0] as string),
+          ),
+        );
+      }),
+    );
+    this.#refresh();
+  }
+
+  #setValue(name: string, value: string | number, byDefault: string | number): void {
+    if (value === byDefault) delete this.#values[name];
+    else this.#values[name] = value;
+    this.#refresh();
+  }
+
+  get #output(): Options {
+    return { format: this.#format.name, ...this.#values };
+  }
+  get #name(): string {
+    const isSequence = Boolean(this.#source?.job.result?.sequence);
+    const extension =
+      !isSequence || ["npy", "npz", "vox", "zarr"].includes(this.#format.name)
+        ? this.#format.extension
+        : this.#format.name === "native"
+          ? ".voxs"
+          : ".zip";
+    return (this.#source?.stem ?? "voxels") + extension;
+  }
+  get #input(): Record<string, string> {
+    const result = this.#source?.job.result;
+    return result?.sequence ? { sequence: result.sequence } : { grid: result?.grid ?? "" };
+  }
+
+  // The size is the daemon's estimate for an export.
+  #refresh(): void {
+    this.#showCode();
+    this.#asking?.abort();
+    this.#size.textContent = "";
+    this.#download.disabled = !this.#source;
+    if (!this.#source) return;
+    const asking = (this.#asking = new AbortController());
+    this.api
+      .json<DryRun>("/v1/jobs?dry_run=1", {
+        body: { kind: "export", ...this.#input, options: this.#output },
+        signal: asking.signal,
+      })
+      .then(
+        price => {
+          this.#size.textContent = t("downloadSize", {
+            bytes: bytesText(price.estimate.result_bytes),
+          });
+          this.#size.className = "quiet";
+        },
+        (error: unknown) => {
+          if (isAbort(error)) return;
+          this.#size.textContent = (error as Error).message; // such as grid-too-large
+          this.#size.className = "error";
+        },
+      );
+  }
+
+  async #guard(action: (signal: AbortSignal) => Promise<void>): Promise<void> {
+    if (!this.#source) return;
+    this.#busy?.abort();
+    const busy = (this.#busy = new AbortController());
+    try {
+      await action(busy.signal);
+    } catch (error) {
+      if (!isAbort(error)) this.onProblem(error);
+    }
+  }
+
+  // The result of an export, or the job's own where it is that.
+  async #made(signal: AbortSignal): Promise<JobStatus> {
+    const name = this.#name;
+    this.onNote(t("preparing", { name }));
+    return await this.runner.other(
+      {
+        kind: "export",
+        ...this.#input,
+        filename: this.#source?.stem ?? "voxels",
+        options: this.#output,
+        priority: 10,
+      },
+      this.onJob,
+      signal,
+    );
+  }
+
+  async #linkOf(
+    job: JobStatus,
+    seconds: number,
+    name: string,
+    signal: AbortSignal,
+  ): Promise<{ url: string; expires_ms: number }> {
+    const query = new URLSearchParams({ seconds: String(seconds), filename: name });
+    return await this.api.json(`/v1/jobs/${job.id}/share?${query}`, { method: "POST", signal });
+  }
+
+  async #takeFile(signal: AbortSignal): Promise<void> {
+    const job = await this.#made(signal);
+    // By a link, so that the browser writes to the disk and not into memory.
+    followLink((await this.#linkOf(job, HOUR_SECONDS, this.#name, signal)).url);
+    this.onNote(t("downloaded", { name: this.#name, bytes: bytesText(job.result?.bytes ?? 0) }));
+  }
+
+  async #share(signal: AbortSignal): Promise<void> {
+    const job = await this.#made(signal);
+    const link = await this.#linkOf(job, Number(this.#lifetime.value), this.#name, signal);
+    this.#link.value = new URL(link.url, location.href).href;
+    this.#linkRow.hidden = this.#linkNote.hidden = false;
+    this.#linkNote.textContent = t("shared", { date: new Date(link.expires_ms).toLocaleString() });
+    this.#link.select();
+    this.onNote(this.#linkNote.textContent);
+  }
+
+  async #takePng(signal: AbortSignal): Promise<void> {
+    const side = (input: HTMLInputElement) =>
+      Math.max(1, Math.min(IMAGE_SIDE_MAX, Math.round(Number(input.value)) || 512));
+    const [width, height] = [side(this.#width), side(this.#height)];
+    const name = `${this.#source?.stem}.png`;
+    this.onNote(t("preparing", { name }));
+    const { camera, channel, style, section, viewer } = this.stage;
+    let blob: Blob;
+    if (this.stage.isLive && viewer && (channel || camera.pan.some(value => value !== 0))) {
+      blob = await viewer.image(width, height, this.#transparent.checked); // the daemon has no pan and no channels
+    } else {
+      const query = new URLSearchParams({
+        width: String(width),
+        height: String(height),
+        ...viewOptions(camera, style, section),
+        ...(this.#transparent.checked ? { background: "transparent" } : {}),
+      });
+      blob = await (
+        await this.api.request(`${this.stage.path}/render.png?${query}`, { signal })
+      ).blob();
+    }
+    saveBlob(blob, name);
+    this.onNote(t("downloaded", { name, bytes: bytesText(blob.size) }));
+  }
+
+  async #takeGif(signal: AbortSignal): Promise<void> {
+    const name = `${this.#source?.stem}.gif`;
+    this.onNote(t("preparing", { name }));
+    const { camera, style, section } = this.stage;
+    const isSequence = Boolean(this.#source?.job.result?.sequence);
+    const { turntable, rate, ...size } = TURNTABLE;
+    const options = {
+      image: "gif",
+      ...size,
+      ...(isSequence ? {} : { turntable, rate }),
+      ...viewOptions(camera, style, section),
+    };
+    const job = await this.runner.other(
+      {
+        kind: "render",
+        ...this.#input,
+        filename: this.#source?.stem ?? "voxels",
+        options,
+        priority: 10,
+      },
+      this.onJob,
+      signal,
+    );
+    followLink((await this.#linkOf(job, HOUR_SECONDS, name, signal)).url);
+    this.onNote(t("downloaded", { name, bytes: bytesText(job.result?.bytes ?? 0) }));
+  }
+
+  #showCode(): void {
+    const source = this.#source;
+    if (!source) {
+      this.#code.textContent = "";
+      return;
+    }
+    const recipe: Recipe = {
+      origin: location.origin,
+      hasKey: this.api.key !== null,
+      file: source.files[0] ?? "mesh",
+      others: source.files.slice(1),
+      options: source.wish.options,
+      output: this.#output,
+      target: this.#name,
+    };
+    const make = { curl: curlCommand, cli: cliCommand, python: pythonCode, cpp: cppCode }[
+      this.#language
+    ];
+    this.#code.textContent = make(recipe);
+  }
+
+  async #copy(text: string): Promise<void> {
+    try {
+      await navigator.clipboard.writeText(text);
+    } catch {
+      // no permission, or plain HTTP
+      const area = h("textarea", { value: text, className: "away" });
+      document.body.append(area);
+      area.select();
+      document.execCommand("copy");
+      area.remove();
+    }
+    this.onNote(t("copied"));
+  }
+}

@@ -1,0 +1,77 @@
+// Uploads a bundle; files that the daemon has are referenced by hash.
+import { Problem, type Api } from "./api";
+import { extensionOf, stemOf, type Bundle, type NamedFile } from "./files";
+import type { Asset } from "./model";
+
+export interface UploadStep {
+  readonly kind: "hashing" | "known" | "uploading";
+  readonly name: string;
+  readonly done: number; // bytes of all files
+  readonly total: number;
+}
+
+const BUNDLE_TYPE = "application/vnd.voxeld.bundle+json";
+// Web Crypto takes a file as a whole. Larger ones are sent without asking.
+const HASHED_BYTES_MAX = 256 << 20;
+
+/** "sha256-…" of the bytes; null where the browser has no Web Crypto (plain HTTP, not loopback). */
+async function assetId(blob: Blob): Promise<string | null> {
+  if (!globalThis.crypto?.subtle || blob.size > HASHED_BYTES_MAX) return null;
+  const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", await blob.arrayBuffer()));
+  return "sha256-" + [...digest].map(byte => byte.toString(16).padStart(2, "0")).join("");
+}
+
+async function knownAsset(api: Api, file: NamedFile, signal: AbortSignal): Promise<Asset | null> {
+  const id = await assetId(file.blob);
+  if (!id) return null;
+  try {
+    const asset = await api.json<Asset>(`/v1/assets/${id}?brief=1`, { signal });
+    // Under the name of another format the bytes are another asset.
+    return extensionOf(asset.filename) === extensionOf(file.name) ? asset : null;
+  } catch (error) {
+    if (error instanceof Problem && (error.status === 404 || error.status === 410)) return null;
+    throw error;
+  }
+}
+
+/** The asset of one file or of several, and the ids of the files. Throws Problem, or AbortError of `signal`. */
+export async function uploadBundle(
+  api: Api,
+  bundle: Bundle,
+  onStep: (step: UploadStep) => void,
+  signal: AbortSignal,
+): Promise<{ asset: Asset; members: string[] }> {
+  const total = bundle.files.reduce((sum, file) => sum + file.blob.size, 0);
+  let done = 0;
+  const members: { name: string; asset: string }[] = [];
+  let last: Asset | null = null;
+  for (const file of bundle.files) {
+    const step = (kind: UploadStep["kind"], of = 0) =>
+      onStep({ kind, name: file.name, done: done + of, total });
+    step("hashing");
+    last = await knownAsset(api, file, signal);
+    if (last) {
+      step("known", file.blob.size);
+    } else {
+      const path = `/v1/assets?filename=${encodeURIComponent(file.name.slice(file.name.lastIndexOf("/") + 1))}`;
+      step("uploading");
+      last = await api.upload<Asset>(
+        path,
+        file.blob,
+        "application/octet-stream",
+        sent => step("uploading", Math.min(sent, file.blob.size)),
+        signal,
+      );
+    }
+    done += file.blob.size;
+    members.push({ name: file.name, asset: last.id });
+  }
+  const ids = members.map(member => member.asset);
+  if (members.length === 1 && last) return { asset: last, members: ids };
+  const manifest = new Blob([JSON.stringify({ files: members })], { type: BUNDLE_TYPE });
+  const path = `/v1/assets?filename=${encodeURIComponent(stemOf(bundle.mesh.name))}`;
+  return {
+    asset: await api.upload<Asset>(path, manifest, BUNDLE_TYPE, () => undefined, signal),
+    members: ids,
+  };
+}

@@ -1,0 +1,358 @@
+// The viewer of viewer.ts: state, and what happens when it changes.
+import { orbited, subjectOf, type Size, type Subject } from "./camera/framing";
+import { visibleCells } from "./camera/visible_cells";
+import { Controls, START, ZOOM_MAX, ZOOM_MIN } from "./controls";
+import { ownChannel } from "./decode/channels";
+import { Decoder } from "./decoder";
+import { Frames, restQuality, type Scene } from "./draw/frames";
+import { createTarget, deleteTarget } from "./draw/gl_objects";
+import { Painter } from "./draw/painter";
+import { keptCells, paramsOf, planeInGrid, raysOf, variantOf, type Look } from "./draw/params";
+import { encodePng } from "./draw/png";
+import { drawStrips } from "./draw/strips";
+import { STYLES } from "./draw/styles";
+import { TABLE_COLUMNS, type PackedGrid, type Paint } from "./pack/packed_grid";
+import { pickVoxel } from "./pick";
+import type { Camera, Channel, GridInfo, Hit, Section, Style, Vec3, Viewer } from "./viewer";
+
+const IMAGE_SIDE_MAX = 4096;
+// A lost context that the browser does not give back within this time is reported.
+const RESTORE_MS = 10_000;
+
+interface Shown {
+  grid: PackedGrid; // its means are those of `paint`
+  readonly info: GridInfo;
+  readonly subject: Subject;
+  paint: Paint | null;
+  painted: Channel | null; // the channel of `paint`; null: the grid's own
+}
+
+function clamp(value: number, low: number, high: number): number {
+  return Math.min(Math.max(value, low), high);
+}
+
+function validCamera(camera: Camera): Camera {
+  const finite = (value: number, or: number): number => (Number.isFinite(value) ? value : or);
+  return {
+    azimuth: finite(camera.azimuth, START.azimuth),
+    elevation: clamp(finite(camera.elevation, START.elevation), -90, 90),
+    zoom: clamp(finite(camera.zoom, 1), ZOOM_MIN, ZOOM_MAX),
+    pan: [finite(camera.pan[0], 0), finite(camera.pan[1], 0)],
+    projection: camera.projection,
+  };
+}
+
+function infoOf(grid: PackedGrid): GridInfo {
+  const { dims, origin, voxelSize, voxels, channels } = grid;
+  return { dims, origin, voxelSize, voxels, channels };
+}
+
+class WebGlViewer implements Viewer {
+  onCamera: ((camera: Camera) => void) | null = null;
+  onFrame: ((milliseconds: number, atRest: boolean) => void) | null = null;
+  onLost: (() => void) | null = null;
+
+  readonly #decoder: Decoder;
+  readonly #controls: Controls;
+  readonly #resizes: ResizeObserver;
+  readonly #listeners = new AbortController();
+  #painter!: Painter;
+  #frames!: Frames;
+  #shown: Shown | null = null;
+  #view: Camera = START;
+  #look: Style = "voxel";
+  #channelShown: Channel | null = null;
+  #cut: Section = { plane: null, box: null };
+  #lostTimer: ReturnType<typeof setTimeout> | undefined;
+
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly gl: WebGL2RenderingContext,
+    workerUrl: string,
+  ) {
+    this.#decoder = new Decoder(workerUrl);
+    this.#begin();
+    this.#controls = new Controls(canvas, {
+      camera: () => this.#view,
+      move: (camera) => this.#moveByHand(camera),
+      turn: (azimuth, elevation) => this.#turnByHand(azimuth, elevation),
+    });
+    this.#resizes = new ResizeObserver(() => this.#frames.invalidate(false));
+    this.#resizes.observe(canvas);
+    this.#watchRatio();
+    globalThis.addEventListener("resize", () => this.#frames.invalidate(false), {
+      signal: this.#listeners.signal,
+    });
+    const { signal } = this.#listeners;
+    canvas.addEventListener("webglcontextlost", (event) => this.#lost(event), { signal });
+    canvas.addEventListener("webglcontextrestored", () => this.#restored(), { signal });
+  }
+
+  get grid(): GridInfo | null {
+    return this.#shown?.info ?? null;
+  }
+
+  async show(container: ArrayBuffer, options?: { keepCamera?: boolean }): Promise<GridInfo> {
+    const grid = await this.#decoder.decode(container);
+    const info = infoOf(grid);
+    this.#shown = { grid, info, subject: subjectOf(grid), paint: grid.paint, painted: null };
+    if (!options?.keepCamera) this.#view = { ...START, projection: this.#view.projection };
+    this.#upload();
+    await this.#repaint();
+    return info;
+  }
+
+  clear(): void {
+    this.#decoder.abort();
+    this.#shown = null;
+    this.#frames.setScene(null);
+    this.#frames.invalidate(false);
+  }
+
+  get camera(): Camera {
+    return { ...this.#view };
+  }
+  set camera(camera: Camera) {
+    this.#view = validCamera(camera);
+    this.#frames.invalidate(true);
+  }
+  get style(): Style {
+    return this.#look;
+  }
+  set style(style: Style) {
+    this.#look = style;
+    this.#frames.invalidate(false);
+  }
+  get channel(): Channel | null {
+    return this.#channelShown;
+  }
+  set channel(channel: Channel | null) {
+    this.#channelShown = channel;
+    this.#repaint().catch((error: unknown) => this.#fail(error));
+  }
+  get section(): Section {
+    return this.#cut;
+  }
+  set section(section: Section) {
+    this.#cut = section;
+    this.#frames.invalidate(true);
+  }
+
+  visibleCells(): readonly [Vec3, Vec3] | null {
+    const shown = this.#shown,
+      kept = shown && keptCells(shown.grid, this.#cut);
+    if (!shown || !kept) return null;
+    const rays = raysOf(shown.grid, shown.subject, this.#view, this.#size());
+    return rays && visibleCells(rays.clipFromGrid, kept[0], kept[1]);
+  }
+
+  pixelsPerCell(): number {
+    if (!this.#shown) return 0;
+    const { grid, subject } = this.#shown,
+      rays = raysOf(grid, subject, this.#view, this.#size());
+    return rays ? Math.max(...grid.voxelSize) / rays.worldPerPixel : 0;
+  }
+
+  pick(x: number, y: number): Hit | null {
+    const { canvas } = this,
+      shown = this.#shown,
+      kept = shown && keptCells(shown.grid, this.#cut);
+    if (!shown || !kept) return null;
+    const rays = raysOf(shown.grid, shown.subject, this.#view, this.#size());
+    if (!rays) return null;
+    const plane = this.#cut.plane && planeInGrid(this.#cut.plane, shown.grid);
+    return pickVoxel(
+      shown.grid,
+      rays,
+      (2 * x) / canvas.clientWidth - 1,
+      1 - (2 * y) / canvas.clientHeight,
+      kept[0],
+      kept[1],
+      plane,
+    );
+  }
+
+  async image(width: number, height: number, transparent: boolean): Promise<Blob> {
+    for (const side of [width, height]) {
+      if (!Number.isInteger(side) || side < 1 || side > IMAGE_SIDE_MAX) {
+        throw new RangeError(`image side: expected 1 to ${IMAGE_SIDE_MAX} pixels, got ${side}`);
+      }
+    }
+    const painter = this.#painter,
+      size = { width, height },
+      quality = restQuality(size, transparent);
+    const scene = this.#scene();
+    if (!scene) throw new Error("no grid is shown");
+    const params = scene.params(quality, size);
+    if (!params) throw new Error("the camera cannot be inverted");
+    const program = await painter.program(scene.variant(quality));
+    const target = createTarget(painter.gl, width, height);
+    try {
+      await drawStrips(painter, program, params, target, () => false);
+      return await encodePng(painter.read(target), width, height);
+    } finally {
+      deleteTarget(painter.gl, target);
+    }
+  }
+
+  dispose(): void {
+    clearTimeout(this.#lostTimer);
+    this.#listeners.abort();
+    this.#resizes.disconnect();
+    this.#controls.dispose();
+    this.#decoder.dispose();
+    this.#frames.stop();
+    this.#shown = null;
+    this.#painter.textures.dispose(); // the context stays, for another viewer of the canvas
+  }
+
+  /** Bytes of the grid's tables on the device. */
+  get deviceBytes(): number {
+    return this.#shown ? this.#painter.textures.bytes : 0;
+  }
+
+  /** Draws again when the ratio of device pixels changes: on another screen, for example. */
+  #watchRatio(): void {
+    const query = globalThis.matchMedia(`(resolution: ${globalThis.devicePixelRatio}dppx)`);
+    query.addEventListener(
+      "change",
+      () => {
+        this.#frames.invalidate(false);
+        this.#watchRatio();
+      },
+      { once: true, signal: this.#listeners.signal },
+    );
+  }
+
+  #size(): Size {
+    const { canvas } = this,
+      ratio = globalThis.devicePixelRatio || 1;
+    return {
+      width: Math.max(1, Math.round(canvas.clientWidth * ratio)),
+      height: Math.max(1, Math.round(canvas.clientHeight * ratio)),
+    };
+  }
+
+  #moveByHand(camera: Camera): void {
+    this.camera = camera;
+    this.onCamera?.(this.camera);
+  }
+
+  #turnByHand(azimuth: number, elevation: number): void {
+    const up = clamp(elevation, -90, 90),
+      around = ((azimuth % 360) + 360) % 360;
+    if (this.#shown)
+      this.#moveByHand(orbited(this.#view, this.#shown.subject, this.#size(), around, up));
+    else this.#moveByHand({ ...this.#view, azimuth: around, elevation: up });
+  }
+
+  #lookOf(shown: Shown): Look {
+    return {
+      camera: this.#view,
+      style: this.#look,
+      section: this.#cut,
+      paint: shown.paint,
+      hasChannel: shown.painted !== null,
+    };
+  }
+
+  #scene(): Scene | null {
+    const shown = this.#shown;
+    if (!shown) return null;
+    return {
+      params: (quality, size) =>
+        paramsOf(shown.grid, shown.subject, this.#lookOf(shown), quality, size),
+      variant: (quality) => variantOf(shown.grid, this.#lookOf(shown), quality),
+    };
+  }
+
+  #upload(): void {
+    if (!this.#shown) return;
+    this.#painter.setGrid(this.#shown.grid, this.#shown.paint?.colors ?? null);
+    this.#frames.setScene(this.#scene());
+    this.#frames.invalidate(false);
+  }
+
+  /** Makes the colours those of the channel that is to be shown. */
+  async #repaint(): Promise<void> {
+    const shown = this.#shown;
+    if (!shown) return;
+    const wanted =
+      this.#channelShown !== null && shown.info.channels.includes(this.#channelShown)
+        ? this.#channelShown
+        : null;
+    if (shown.painted === wanted) return;
+    // The grid's own colours may be those of a channel; their tables were overwritten.
+    const channel = wanted ?? ownChannel(shown.info.channels);
+    if (channel === null) {
+      shown.paint = null;
+    } else {
+      const { attributes, attributeCount, hasFull, nodes, bricks, brickCount, tileDims } =
+        shown.grid;
+      const painted = await this.#decoder.paint(channel, {
+        attributes: { [channel]: attributes[channel] },
+        attributeCount,
+        hasFull,
+        nodes,
+        bricks,
+        brickCount,
+        tileDims,
+      });
+      if (!painted || this.#shown !== shown) return;
+      shown.grid = { ...shown.grid, nodes: painted.nodes, bricks: painted.bricks };
+      shown.paint = painted.paint;
+    }
+    shown.painted = wanted;
+    this.#upload();
+    return this.#repaint();
+  }
+
+  #fail(error: unknown): void {
+    if (error instanceof DOMException && error.name === "AbortError") return; // disposed of
+    console.error(error);
+    this.onLost?.();
+  }
+
+  /** Creates the objects of a WebGL context. */
+  #begin(): void {
+    this.#painter = new Painter(this.gl);
+    this.#frames = new Frames(
+      this.#painter,
+      this.canvas,
+      {
+        onFrame: (milliseconds, atRest) => this.onFrame?.(milliseconds, atRest),
+        onError: (error) => this.#fail(error),
+      },
+      () => {
+        const [r, g, b] = STYLES[this.#look].bottom;
+        return [r / 255, g / 255, b / 255];
+      },
+    );
+  }
+
+  #lost(event: Event): void {
+    event.preventDefault(); // asks the browser for another context
+    this.#frames.stop();
+    clearTimeout(this.#lostTimer);
+    this.#lostTimer = setTimeout(() => this.onLost?.(), RESTORE_MS);
+  }
+
+  #restored(): void {
+    clearTimeout(this.#lostTimer);
+    this.#begin();
+    this.#upload();
+    this.#frames.invalidate(false);
+  }
+}
+
+/** null where the browser has no WebGL2, or one with too small textures. */
+export function createViewer(canvas: HTMLCanvasElement, workerUrl: string): Viewer | null {
+  const gl = canvas.getContext("webgl2", {
+    alpha: false,
+    antialias: false,
+    depth: false,
+    stencil: false,
+  });
+  if (!gl || (gl.getParameter(gl.MAX_TEXTURE_SIZE) as number) < TABLE_COLUMNS) return null;
+  return new WebGlViewer(canvas, gl, workerUrl);
+}

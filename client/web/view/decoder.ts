@@ -1,0 +1,86 @@
+// The viewer's side of the worker.
+import { DecodeError } from "./decode/decode_error";
+import type { PackedGrid } from "./pack/packed_grid";
+import type { Channel } from "./viewer";
+import { type Painted, type PaintInput, type Request, type Response } from "./worker_messages";
+
+interface Waiting {
+  resolve(response: Response): void;
+  reject(error: Error): void;
+}
+
+function errorOf(name: string, message: string): Error {
+  if (name === "DecodeError") return new DecodeError(message);
+  return name === "AbortError" ? new DOMException(message, name) : new Error(message);
+}
+
+export class Decoder {
+  readonly #worker: Worker;
+  readonly #waiting = new Map<number, Waiting>();
+  #last = 0;
+  #broken: Error | null = null; // why the worker answers no more
+  #decoding = 0; // number of the decode that runs, or 0
+
+  constructor(workerUrl: string) {
+    this.#worker = new Worker(workerUrl, { type: "module" });
+    this.#worker.onmessage = (event: MessageEvent<Response>) => this.#receive(event.data);
+    this.#worker.onerror = (event) =>
+      this.#failAll(new Error(event.message || "the viewer's worker did not start"));
+    this.#worker.onmessageerror = () =>
+      this.#failAll(new Error("no memory for the worker's message"));
+  }
+
+  /** Decodes a copy of the container. Aborts the decode before, which rejects with AbortError. */
+  async decode(container: ArrayBuffer): Promise<PackedGrid> {
+    this.abort();
+    const id = (this.#decoding = ++this.#last);
+    const response = await this.#ask({ kind: "decode", id, container });
+    if (this.#decoding === id) this.#decoding = 0;
+    if (response.kind !== "decoded") throw new Error("another response than asked for");
+    return response.grid;
+  }
+
+  /** Colours a copy of the grid by a channel; null if it lacks the channel. */
+  async paint(channel: Channel, grid: PaintInput): Promise<Painted | null> {
+    const response = await this.#ask({ kind: "paint", id: ++this.#last, channel, grid });
+    if (response.kind !== "painted") throw new Error("another response than asked for");
+    return response.painted;
+  }
+
+  /** Aborts the decode that runs, if one does. */
+  abort(): void {
+    const waiting = this.#waiting.get(this.#decoding);
+    if (!waiting) return;
+    this.#waiting.delete(this.#decoding);
+    this.#worker.postMessage({ kind: "abort", id: this.#decoding } satisfies Request);
+    waiting.reject(errorOf("AbortError", "a later grid is shown"));
+  }
+
+  dispose(): void {
+    this.#failAll(errorOf("AbortError", "the viewer is closed"));
+  }
+
+  #ask(request: Request): Promise<Response> {
+    if (this.#broken) return Promise.reject(this.#broken);
+    return new Promise((resolve, reject) => {
+      this.#waiting.set(request.id, { resolve, reject });
+      this.#worker.postMessage(request);
+    });
+  }
+
+  #receive(response: Response): void {
+    const waiting = this.#waiting.get(response.id);
+    this.#waiting.delete(response.id);
+    if (!waiting) return;
+    if (response.kind === "failed") waiting.reject(errorOf(response.name, response.message));
+    else waiting.resolve(response);
+  }
+
+  #failAll(error: Error): void {
+    this.#broken = error;
+    this.#worker.terminate();
+    const all = [...this.#waiting.values()];
+    this.#waiting.clear();
+    for (const waiting of all) waiting.reject(error);
+  }
+}

@@ -1,0 +1,77 @@
+// What the page knows of its viewer: an orbit view of one voxel grid in a canvas, drawn by the
+// daemon's own ray-march shader in WebGL2. createViewer() (create_viewer.ts) makes one.
+
+export type Vec3 = readonly [number, number, number];
+export type Style = "voxel" | "smooth" | "clay" | "iso" | "blueprint";
+export type Channel = "color" | "normal" | "material" | "label" | "distance" | "coverage";
+
+/** A decoded grid: its own cells, of 2^level cells of level 0 on a side. */
+export interface GridInfo {
+  readonly dims: Vec3; // cells
+  readonly origin: Vec3; // corner of cell (0, 0, 0), world units
+  readonly voxelSize: Vec3; // world units
+  readonly voxels: number;
+  readonly channels: readonly Channel[];
+}
+
+/** An orbit camera with the meaning of the options of /v1/render. */
+export interface Camera {
+  azimuth: number; // degrees around +y; 0 looks along -z from +z
+  elevation: number; // degrees, -90..90
+  zoom: number; // > 1 is closer; 1 fits the occupied voxels
+  pan: readonly [number, number]; // shift of the picture, in fractions of its height
+  projection: "perspective" | "orthographic";
+}
+
+/** Cuts away what lies outside; null: nothing. World units. */
+export interface Section {
+  readonly plane: readonly [number, number, number, number] | null; // a x + b y + c z + d > 0 is cut
+  readonly box: readonly [Vec3, Vec3] | null; // least and greatest corner of what stays
+}
+
+/** The voxel under a point of the canvas. */
+export interface Hit {
+  readonly cell: Vec3; // of the shown grid's own level
+  readonly color?: readonly [number, number, number, number]; // sRGB and alpha, 0..255
+  readonly normal?: Vec3;
+  readonly material?: number;
+  readonly label?: number;
+  readonly distance?: number; // in voxels, negative inside
+  readonly coverage?: number; // 0..1
+}
+
+export interface Viewer {
+  /**
+   * Shows a native container (.voxg, codec fast) in place of the grid before; it is decoded in a
+   * worker. Rejects with a DecodeError for malformed bytes; the grid before then stays. A later
+   * call supersedes an earlier one that is still being decoded: the earlier one rejects with an
+   * AbortError.
+   */
+  show(container: ArrayBuffer, options?: { keepCamera?: boolean }): Promise<GridInfo>;
+  /** Shows nothing. */
+  clear(): void;
+  readonly grid: GridInfo | null;
+
+  camera: Camera; // a copy; assign to move
+  style: Style;
+  /** The channel that colours the voxels; null: the style's own colours. */
+  channel: Channel | null;
+  section: Section;
+  /** The part of the shown grid's cells that the canvas shows, or null if it shows no cell. */
+  visibleCells(): readonly [Vec3, Vec3] | null;
+  /** Pixels of the canvas that one cell covers about, at the middle of the grid. */
+  pixelsPerCell(): number;
+
+  /** x and y in CSS pixels from the canvas's upper left corner. */
+  pick(x: number, y: number): Hit | null;
+  /** A PNG of the view at rest. Sizes in pixels, 1..4096. */
+  image(width: number, height: number, transparent: boolean): Promise<Blob>;
+
+  /** After the camera moved by pointer, touch or keys. */
+  onCamera: ((camera: Camera) => void) | null;
+  /** The time of one finished frame in milliseconds, as the GPU's fence tells it. */
+  onFrame: ((milliseconds: number, atRest: boolean) => void) | null;
+  /** WebGL lost its context and could not be rebuilt. */
+  onLost: (() => void) | null;
+  dispose(): void;
+}

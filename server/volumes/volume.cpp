@@ -1,0 +1,73 @@
+#include "server/volumes/volume.h"
+
+#include <utility>
+
+#include "proto/container/grid_format.h"
+#include "server/volumes/volume_files.h"
+
+namespace voxeld {
+namespace {
+
+Result<Volume> read_container(std::span<const uint8_t> bytes) {
+  Volume volume;
+  VOXELD_ASSIGN(volume.grid, grid_from_container(bytes));
+  return volume;
+}
+
+}  // namespace
+
+std::optional<VolumeFormat> detect_volume(std::span<const uint8_t> bytes) {
+  using namespace std::string_view_literals;
+  constexpr std::pair<std::string_view, VolumeFormat> kFirstBytes[] = {
+      {"VOXGRID\0"sv, VolumeFormat::kContainer},
+      {"VOX \x96\0\0\0"sv, VolumeFormat::kVox},  // version 150
+      {"VOX \xc8\0\0\0"sv, VolumeFormat::kVox},  // version 200
+      {"#binvox"sv, VolumeFormat::kBinvox},
+      {"\x93NUMPY"sv, VolumeFormat::kNpy},
+      {"NRRD000"sv, VolumeFormat::kNrrd}};
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  for (const auto& [first, format] : kFirstBytes) {
+    if (text.starts_with(first)) return format;
+  }
+  return std::nullopt;
+}
+
+std::string_view volume_format_name(VolumeFormat format) {
+  switch (format) {
+    case VolumeFormat::kContainer:
+      return "voxg";
+    case VolumeFormat::kVox:
+      return "vox";
+    case VolumeFormat::kBinvox:
+      return "binvox";
+    case VolumeFormat::kNpy:
+      return "npy";
+    case VolumeFormat::kNrrd:
+      return "nrrd";
+  }
+  return "";
+}
+
+Result<Volume> load_volume(std::string_view name, std::span<const uint8_t> bytes,
+                           double threshold) {
+  const auto format = detect_volume(bytes);
+  if (!format) {
+    return Error{ErrorCode::kUnsupportedMedia, std::string(name) + ": not a file of voxels",
+                 "voxg, vox, binvox, npy or nrrd", "other first bytes"};
+  }
+  switch (*format) {
+    case VolumeFormat::kContainer:
+      return read_container(bytes);
+    case VolumeFormat::kVox:
+      return volumes::read_vox(name, bytes);
+    case VolumeFormat::kBinvox:
+      return volumes::read_binvox(name, bytes);
+    case VolumeFormat::kNpy:
+      return volumes::read_npy(name, bytes, threshold);
+    case VolumeFormat::kNrrd:
+      return volumes::read_nrrd(name, bytes, threshold);
+  }
+  return Error{ErrorCode::kInternal, "no such format", "", ""};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,237 @@
+"""The Python package's HTTP: retries, broken connections, damaged downloads, against servers that follow a script."""
+import contextlib
+import hashlib
+import json
+import socket
+import threading
+import time
+import unittest
+
+import python_package  # noqa: F401: finds voxeld
+import voxeld
+from voxeld._call import Call
+
+RESULT = bytes(range(256)) * 5000
+TAG = f'"sha256-{hashlib.sha256(RESULT).hexdigest()}"'
+DONE = {"id": "j-1", "kind": "voxelize", "state": "done", "tiles_done": 1, "tiles_total": 1, "frames_done": 0,
+        "frames_total": 0, "stage": "", "result": {"grid": "sha256-a", "meta": {}, "media_type": "image/png"}}
+
+
+def response(status, body=b"", *headers, length=None):
+    lines = [f"HTTP/1.1 {status} Text", f"Content-Length: {len(body) if length is None else length}", *headers]
+    return "\r\n".join(lines).encode() + b"\r\n\r\n" + body
+
+
+def json_response(value, status=200, *headers):
+    return response(status, json.dumps(value).encode(), "Content-Type: application/json", *headers)
+
+
+def problem(status, code, *headers):
+    body = {"code": code, "status": status, "title": "T", "detail": "D"}
+    return response(status, json.dumps(body).encode(), *headers)
+
+
+class Script:
+    """Answers requests one after the other. An answer: bytes; CLOSE after it ends the connection, SILENCE sends
+    nothing, REFUSE answers before the body is read."""
+    CLOSE, SILENCE, REFUSE = object(), object(), object()
+
+    def __init__(self, *answers):
+        self.answers = list(answers)
+        self.heads = []
+        self.bodies = []
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self.listener.getsockname()[1]}"
+        self.ended = threading.Event()
+        self.thread = threading.Thread(target=self.serve, daemon=True)
+        self.thread.start()
+
+    def serve(self):
+        while self.answers:
+            try:
+                connection = self.listener.accept()[0]
+            except OSError:
+                return
+            with connection, contextlib.suppress(ConnectionError):
+                self.serve_one(connection)
+
+    def serve_one(self, connection):
+        file = connection.makefile("rb")
+        while self.answers:
+            head = [line.decode().rstrip() for line in iter(file.readline, b"\r\n") if line]
+            if not head:
+                return
+            self.heads.append(head)
+            is_refusal = self.answers[0] is self.REFUSE
+            if is_refusal:
+                self.answers.pop(0)
+            else:
+                self.bodies.append(file.read(int(self.header("Content-Length") or 0)))
+            answer = self.answers.pop(0)
+            if answer is self.SILENCE:
+                self.ended.wait(20)
+                return
+            connection.sendall(answer)
+            if is_refusal:
+                file.read(100)
+            if self.answers and self.answers[0] is self.CLOSE:
+                self.answers.pop(0)
+                return
+
+    def header(self, name, request=-1):
+        return next((line.split(": ", 1)[1] for line in self.heads[request] if line.startswith(name + ": ")), None)
+
+    def lines(self):
+        return [head[0].removesuffix(" HTTP/1.1") for head in self.heads]
+
+    def close(self):
+        self.ended.set()
+        self.listener.shutdown(socket.SHUT_RDWR)
+        self.listener.close()
+        self.thread.join(20)
+
+
+class Transport(unittest.TestCase):
+    def script(self, *answers, **settings):
+        script = Script(*answers)
+        self.addCleanup(script.close)
+        self.client = voxeld.Client(script.url, settings.pop("key", ""), **settings)
+        self.addCleanup(self.client.close)
+        return script
+
+    def get(self, path="/v1/me", call=None):
+        return self.client._transport.json(call or Call(), "GET", path)
+
+    def download(self):
+        return self.client._transport.download(Call(), "/v1/grids/a").body
+
+    def raised(self, kind, code, work):
+        with self.assertRaises(kind) as raised:
+            work()
+        self.assertEqual(raised.exception.code, code)
+        return raised.exception
+
+    def test_busy_servers_are_asked_again_after_the_pause_that_they_name(self):
+        script = self.script(problem(503, "queue-full", "Retry-After: 1"), problem(429, "too-many-requests"),
+                             json_response({"a": 1}))
+        start = time.monotonic()
+        self.assertEqual(self.get(), {"a": 1})
+        self.assertGreaterEqual(time.monotonic() - start, 1.3)
+        self.assertEqual(len(script.heads), 3)
+
+    def test_after_the_last_try_the_problem_is_raised(self):
+        self.script(problem(503, "queue-full", "Retry-After: 0", "X-Request-Id: r-7"), problem(503, "queue-full"),
+                    retries=1)
+        failure = self.raised(voxeld.Error, "queue-full", self.get)
+        self.assertEqual((failure.status, failure.title, failure.detail), (503, "T", "D"))
+
+    def test_a_refused_connection_is_tried_again_and_named(self):
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            url = f"http://127.0.0.1:{taken.getsockname()[1]}"
+        self.client = voxeld.Client(url, "", retries=1)
+        start = time.monotonic()
+        failure = self.raised(voxeld.Unreachable, "unreachable", self.get)
+        self.assertGreaterEqual(time.monotonic() - start, 0.2)
+        self.assertIn(f"{url}: Connection refused", str(failure))
+        self.assertIsInstance(failure, ConnectionError)
+
+    def test_an_idle_connection_that_was_closed_is_replaced_without_a_pause(self):
+        script = self.script(json_response({"a": 1}), Script.CLOSE, json_response({"a": 2}), retries=0)
+        self.assertEqual(self.get(), {"a": 1})
+        time.sleep(0.05)
+        self.assertEqual(self.get(), {"a": 2})
+        self.assertEqual(len(script.heads), 2)
+
+    def test_a_broken_download_continues_where_it_stopped(self):
+        half = len(RESULT) // 2
+        script = self.script(
+            response(200, RESULT[:half], f"ETag: {TAG}", length=len(RESULT)), Script.CLOSE,
+            response(206, RESULT[half:], f"ETag: {TAG}",
+                     f"Content-Range: bytes {half}-{len(RESULT) - 1}/{len(RESULT)}"))
+        self.assertEqual(self.download(), RESULT)
+        self.assertEqual((script.header("Range"), script.header("If-Range")), (f"bytes={half}-", TAG))
+
+    def test_a_result_that_changed_meanwhile_is_refused(self):
+        half = len(RESULT) // 2
+        self.script(response(200, RESULT[:half], f"ETag: {TAG}", length=len(RESULT)), Script.CLOSE,
+                    response(200, RESULT, 'ETag: "other"'))
+        self.assertIn("the result changed", str(self.raised(voxeld.Error, "bad-response", self.download)))
+
+    def test_a_damaged_download_is_refused(self):
+        self.script(response(200, RESULT[:-1] + b"x", f"ETag: {TAG}"))
+        failure = self.raised(voxeld.Error, "content-mismatch", self.download)
+        self.assertEqual(failure.expected, TAG.strip('"'))
+
+    def test_a_download_that_ends_early_each_time_is_an_error(self):
+        self.script(response(200, RESULT[:9], length=20), Script.CLOSE, retries=2)
+        self.raised(voxeld.Unreachable, "unreachable", self.download)
+
+    def test_chunked_downloads_are_whole(self):
+        head = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
+        self.script(head + b"3\r\nabc\r\n2\r\nde\r\n0\r\n\r\n", json_response({}))
+        self.assertEqual(self.download(), b"abcde")
+        self.assertEqual(self.get(), {})
+
+    def test_a_silent_server_is_a_timeout(self):
+        self.script(Script.SILENCE, idle_timeout=0.3)
+        failure = self.raised(voxeld.Timeout, "timeout", self.get)
+        self.assertIn("sent nothing for 0.3 s", str(failure))
+
+    def test_a_call_ends_at_its_timeout_and_when_cancelled(self):
+        self.script(Script.SILENCE)
+        start = time.monotonic()
+        self.assertIn("longer than 0.3 s", str(self.raised(
+            voxeld.Timeout, "timeout", lambda: self.get(call=Call(0.3)))))
+        self.script(Script.SILENCE)
+        token = voxeld.CancelToken()
+        threading.Timer(0.3, token.cancel).start()
+        self.raised(voxeld.Cancelled, "interrupted", lambda: self.get(call=Call(cancel=token)))
+        self.assertLess(time.monotonic() - start, 3)
+
+    def test_a_refusal_before_the_whole_body_was_sent_is_read(self):
+        self.script(Script.REFUSE, problem(413, "payload-too-large", "Connection: close"), Script.CLOSE)
+        self.raised(voxeld.Error, "payload-too-large", lambda: self.client._transport.request(
+            Call(), "POST", "/v1/assets", body=bytes(30_000_000)))
+
+    def test_another_program_at_the_url_is_named(self):
+        for answer in (response(404, b"<html>"), response(200, b"<html>"), response(200, b"[]")):
+            script = self.script(answer)
+            failure = self.raised(voxeld.Error, "bad-response", self.get)
+            self.assertIn(f"{script.url}: is there a voxeld at this URL?", str(failure))
+
+    def test_the_path_of_the_url_and_the_key_are_sent(self):
+        script = self.script(json_response({}))
+        self.client = voxeld.Client(script.url + "/voxels/", "vxk_a")
+        self.addCleanup(self.client.close)
+        self.get()
+        self.assertEqual((script.lines(), script.header("Authorization")), (["GET /voxels/v1/me"], "Bearer vxk_a"))
+        for key in ("a\nHost: b", "a b", "ä"):
+            failure = self.raised(voxeld.BadInput, "invalid-option", lambda key=key: voxeld.Client(script.url, key))
+            self.assertNotIn(key, str(failure))
+        other = voxeld.Client("ftp://example.org")
+        self.assertIn("expected http://HOST", str(self.raised(
+            voxeld.BadInput, "invalid-option", lambda: other.grid("a").coords)))
+
+    def test_a_job_that_is_submitted_again_has_the_same_idempotency_key(self):
+        script = self.script(json_response({"id": "sha256-a"}, 201), problem(503, "queue-full", "Retry-After: 0"),
+                             json_response(DONE), json_response(DONE))
+        self.assertEqual(self.client.voxelize(b"solid", filename="a.stl", size=8).id, "sha256-a")
+        self.assertEqual(script.lines(), ["POST /v1/assets?filename=a.stl", "POST /v1/jobs", "POST /v1/jobs",
+                                          "GET /v1/jobs/j-1"])
+        self.assertTrue(script.header("Idempotency-Key", 1))
+        self.assertEqual(script.header("Idempotency-Key", 1), script.header("Idempotency-Key", 2))
+        self.assertEqual(json.loads(script.bodies[1]), {"kind": "voxelize", "asset": "sha256-a", "filename": "a.stl",
+                                                        "options": {"size": 8}})
+
+    def test_a_call_that_ends_while_it_submits_cancels_the_job_that_it_may_have_made(self):
+        script = self.script(json_response({"id": "sha256-a"}, 201), Script.SILENCE)
+        threading.Timer(0.5, script.ended.set).start()
+        self.client._transport.idle_timeout = 5
+        script.answers += [json_response({**DONE, "state": "running"}), json_response({}, 202)]
+        self.raised(voxeld.Timeout, "timeout", lambda: self.client.voxelize(b"solid", timeout=0.3))
+        self.assertEqual(script.lines()[1:], ["POST /v1/jobs", "POST /v1/jobs", "DELETE /v1/jobs/j-1"])
+        self.assertEqual(script.header("Idempotency-Key", 1), script.header("Idempotency-Key", 2))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,65 @@
+"""Types of the page's scripts, and the page in Debian's Chromium (page.spec.mjs, by Playwright). Packages are those of
+package-lock.json; they are installed into VOXELD_WEB_WORK_DIR, a folder of the build. No browser is downloaded."""
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+sys.path.insert(0, str(ROOT / "tests/integration"))
+sys.path.insert(0, str(ROOT / "client/web"))
+import build_page  # noqa: E402
+import npm_packages  # noqa: E402
+from harness import BIN  # noqa: E402
+
+WORK = pathlib.Path(os.environ.get("VOXELD_WEB_WORK_DIR", ROOT / "build/dev/tests/web/work"))
+
+
+class Browser(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        npm_packages.install(HERE, WORK)
+        for path in HERE.glob("*.mjs"):
+            shutil.copyfile(path, WORK / path.name)
+
+    def node(self, *arguments, seconds, **environment):
+        done = subprocess.run(["node", *arguments], cwd=WORK, timeout=seconds, env={**os.environ, **environment},
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout[-6000:])
+        return done.stdout
+
+    def test_the_scripts_have_strict_types(self):
+        self.node("node_modules/typescript/bin/tsc", "--project", str(HERE), seconds=120)
+
+    def test_the_shortened_shader_is_valid_in_every_variant(self):
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            build_page.make_shader(folder)
+            text = (folder / "raymarch.es.glsl").read_text()
+            lines = [line.split()[1:] for line in (ROOT / "shaders/variants.txt").read_text().splitlines()
+                     if line.startswith("raymarch.frag")]
+            variants = [line for line in lines if not any(word.startswith(build_page.NEVER_DEFINED) for word in line)]
+            self.assertGreaterEqual(len(variants), 20)
+            for macros in variants:
+                defines = "\n".join("#define " + macro.replace("=", " ") for macro in macros)
+                (folder / "variant.frag").write_text(text.replace("VARIANT\n", defines + "\n", 1))
+                done = subprocess.run(["glslangValidator", folder / "variant.frag"], capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, f"{macros}\n{done.stdout}")
+
+    def test_equal_sources_give_equal_pages(self):
+        pages = [build_page.build("esbuild")[0] for _ in range(2)]
+        self.assertEqual(*pages)
+        self.assertEqual(len(pages[0]), 4)
+
+    def test_the_page_in_chromium(self):
+        self.assertIsNotNone(shutil.which("chromium"), "chromium missing; Debian: apt-get install chromium")
+        print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=1100, VOXELD_BIN_DIR=str(BIN.resolve()),
+                        VOXELD_ROOT_DIR=str(ROOT)))
+
+
+if __name__ == "__main__":
+    unittest.main()
