@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <map>
 #include <string>
 #include <thread>
@@ -166,15 +167,21 @@ TEST_F(SchedulerTest, a_job_that_a_client_waits_for_is_more_urgent_than_others) 
 
 TEST_F(SchedulerTest, the_worker_that_has_the_input_gets_the_next_job_with_it) {
   FakeWorker one = connect(), two = connect();
-  const std::string first = submit_as("a");
+  submit_as("a");
   FakeWorker* workers[] = {&one, &two};
   // Both wait; whoever got the first job gets all others of the tenant.
   std::optional<Task> of_one, of_two;
-  std::thread claim_one([&] { of_one = one.claim(); });
-  std::thread claim_two([&] { of_two = two.claim(); });
-  while (get(first).state != JobState::kRunning) std::this_thread::sleep_for(milliseconds(1));
-  std::this_thread::sleep_for(milliseconds(20));
-  const int which = of_one ? 0 : 1;
+  std::atomic<int> claimed{-1};  // the number of the worker that has the job
+  std::thread claim_one([&] {
+    of_one = one.claim();
+    if (of_one) claimed = 0;
+  });
+  std::thread claim_two([&] {
+    of_two = two.claim();
+    if (of_two) claimed = 1;
+  });
+  while (claimed < 0) std::this_thread::sleep_for(milliseconds(1));
+  const int which = claimed;
   (which == 0 ? claim_one : claim_two).join();
   const Task done = which == 0 ? *of_one : *of_two;
   EXPECT_TRUE(workers[which]->complete(done, "r"));
