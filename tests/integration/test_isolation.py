@@ -44,11 +44,15 @@ class ShutIn(unittest.TestCase):
         workers = daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
         self.assertEqual([worker["sandbox"] for worker in workers], ["full"])
         pid = workers[0]["pid"]
-        tasks = list(pathlib.Path(f"/proc/{pid}/task").iterdir())
-        self.assertGreaterEqual(len(tasks), 1)
-        for task in tasks:
-            filters = status_lines(task / "status", "NoNewPrivs", "Seccomp", "Seccomp_filters")
+        seen = set()
+        for task in pathlib.Path(f"/proc/{pid}/task").iterdir():
+            try:
+                filters = status_lines(task / "status", "NoNewPrivs", "Seccomp", "Seccomp_filters")
+            except (FileNotFoundError, ProcessLookupError):
+                continue  # a thread that has ended since
             self.assertEqual(filters, ("1", "2", "2"), task)
+            seen.add(task.name)
+        self.assertIn(str(pid), seen)
         limits = pathlib.Path(f"/proc/{pid}/limits").read_text()
         self.assertRegex(limits, r"Max core file size +0 +0 ")
         self.assertRegex(limits, r"Max open files +1024 +1024 ")

@@ -5,7 +5,7 @@ cd "$(dirname "$0")/../.."
 for program in clang-format-14 clang-format; do
   if "$program" --version 2>/dev/null | grep -c 'version 14\.' >/dev/null; then
     find proto client server tests \( -name '*.h' -o -name '*.cpp' \) -print0 |
-      xargs -0 "$program" --dry-run --Werror
+      xargs -0 -n 40 -P "$(nproc)" "$program" --dry-run --Werror
     exit
   fi
 done
