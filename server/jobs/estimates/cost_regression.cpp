@@ -25,7 +25,7 @@ constexpr double kFourOfFive = 1.2816;   // standard deviations
 
 }  // namespace
 
-CostModel::CostModel(const Guess& guess)
+CostRegression::CostRegression(const Guess& guess)
     : prior_mean_{std::log(guess.cost), guess.side_exponent, guess.bytes_exponent} {
   for (size_t i = 0; i < kTerms; ++i) {
     precision_[i][i] = kPriorWeights[i];
@@ -33,13 +33,13 @@ CostModel::CostModel(const Guess& guess)
   }
 }
 
-CostModel::Vector CostModel::terms(const CostFeatures& features) {
+CostRegression::Vector CostRegression::terms(const CostFeatures& features) {
   return {1.0, std::log(std::max(features.side, 1.0) / kSideUnit),
           std::log(std::max(features.input_bytes, 1.0) / kBytesUnit)};
 }
 
 // By cofactors: 3 x 3, symmetric, positive definite by its prior.
-CostModel::Matrix CostModel::inverse_precision() const {
+CostRegression::Matrix CostRegression::inverse_precision() const {
   const Matrix& m = precision_;
   Matrix inverse{};
   const auto minor = [&m](size_t i, size_t j) {
@@ -53,7 +53,7 @@ CostModel::Matrix CostModel::inverse_precision() const {
   return inverse;
 }
 
-void CostModel::observe(const CostFeatures& features, double cost) {
+void CostRegression::observe(const CostFeatures& features, double cost) {
   if (!(cost > 0) || !(features.frames > 0)) return;
   const Vector x = terms(features);
   const double y = std::log(cost / features.frames);
@@ -73,7 +73,7 @@ void CostModel::observe(const CostFeatures& features, double cost) {
   ++observations_;
 }
 
-CostRange CostModel::predict(const CostFeatures& features) const {
+CostRange CostRegression::predict(const CostFeatures& features) const {
   const Matrix inverse = inverse_precision();
   const Vector x = terms(features);
   double log_cost = 0, spread = 1;
@@ -90,7 +90,7 @@ CostRange CostModel::predict(const CostFeatures& features) const {
   return {expected, expected * std::exp(-deviation), expected * std::exp(deviation)};
 }
 
-std::string CostModel::text() const {
+std::string CostRegression::text() const {
   std::string out = std::to_string(observations_);
   const auto add = [&out](double value) {
     std::array<char, 40> buffer{};
@@ -107,7 +107,7 @@ std::string CostModel::text() const {
   return out;
 }
 
-Status CostModel::parse(std::string_view text) {
+Status CostRegression::parse(std::string_view text) {
   const Error broken{ErrorCode::kInternal, "learned costs", "15 numbers", echoed(text)};
   std::vector<double> numbers;
   while (!text.empty()) {
@@ -118,7 +118,7 @@ Status CostModel::parse(std::string_view text) {
     numbers.push_back(*value);
   }
   if (numbers.size() != 3 + kTerms + kTerms * kTerms || numbers[0] < 0) return broken;
-  CostModel read = *this;
+  CostRegression read = *this;
   read.observations_ = static_cast<int64_t>(numbers[0]);
   read.residual_ = numbers[1];
   read.weight_ = numbers[2];

@@ -27,13 +27,13 @@ struct CostRange {
 // Bayesian linear regression with a normal prior (Bishop 2006, Pattern Recognition and Machine
 // Learning, section 3.3), of the logarithm of one quantity. Old observations fade, so that a new
 // device or driver is learned within some hundred jobs.
-class CostModel {
+class CostRegression {
  public:
   // Coefficients of log(side / 256), log(bytes / 1 MiB), and the cost at those.
   struct Guess {
     double cost = 1.0, side_exponent = 2.0, bytes_exponent = 0.3;
   };
-  explicit CostModel(const Guess& guess);
+  explicit CostRegression(const Guess& guess);
 
   // `cost` of all frames together. Costs that are not positive are ignored.
   void observe(const CostFeatures& features, double cost);

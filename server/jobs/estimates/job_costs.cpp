@@ -23,10 +23,10 @@ constexpr double kSaveSeconds = 30.0;
 constexpr size_t kSortsMax = 1000;
 
 // On a small machine, at 256 voxels of a mesh of 1 MiB.
-constexpr CostModel::Guess kWorkerGuess{0.1, 1.6, 0.4};
-constexpr CostModel::Guess kDeviceGuess{0.02, 2.0, 0.3};
-constexpr CostModel::Guess kResultGuess{1e5, 2.0, 0.1};
-constexpr CostModel::Guess kHostGuess{1e8, 0.3, 0.3};
+constexpr CostRegression::Guess kWorkerGuess{0.1, 1.6, 0.4};
+constexpr CostRegression::Guess kDeviceGuess{0.02, 2.0, 0.3};
+constexpr CostRegression::Guess kResultGuess{1e5, 2.0, 0.1};
+constexpr CostRegression::Guess kHostGuess{1e8, 0.3, 0.3};
 
 constexpr std::array<std::string_view, 4> kQuantities = {"seconds", "device_seconds",
                                                          "result_bytes", "host_bytes"};
@@ -98,7 +98,7 @@ JobCosts::Sort::Sort()
       result_bytes(kResultGuess),
       host_bytes(kHostGuess) {}
 
-CostModel* JobCosts::Sort::find(std::string_view quantity) {
+CostRegression* JobCosts::Sort::find(std::string_view quantity) {
   if (quantity == kQuantities[0]) return &worker_seconds;
   if (quantity == kQuantities[1]) return &device_seconds;
   if (quantity == kQuantities[2]) return &result_bytes;
@@ -134,7 +134,7 @@ void JobCosts::load() {
       continue;
     }
     Sort& sort = sorts_[std::string(line.substr(0, first))];
-    CostModel* model = sort.find(line.substr(first + 1, last - first - 1));
+    CostRegression* model = sort.find(line.substr(first + 1, last - first - 1));
     if (model == nullptr || !model->parse(line.substr(last + 1))) ++broken;
   }
   if (broken > 0) {

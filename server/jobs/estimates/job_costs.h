@@ -29,7 +29,7 @@ struct MeasuredSeconds {
 MeasuredSeconds measured_seconds(const JobStatus& status);
 
 // DIR/costs, a line for each sort and quantity, between tabs: "voxelize npy surface occupancy",
-// "seconds", CostModel::text(). Losing it costs some guesses. Thread-safe.
+// "seconds", CostRegression::text(). Losing it costs some guesses. Thread-safe.
 class JobCosts {
  public:
   // A file that is missing or broken is as if nothing had been learned; the log tells.
@@ -45,8 +45,8 @@ class JobCosts {
   // The cost models of one kind of jobs.
   struct Sort {
     Sort();
-    CostModel worker_seconds, device_seconds, result_bytes, host_bytes;
-    CostModel* find(std::string_view quantity);
+    CostRegression worker_seconds, device_seconds, result_bytes, host_bytes;
+    CostRegression* find(std::string_view quantity);
   };
   void load();
   void save() REQUIRES(mutex_);

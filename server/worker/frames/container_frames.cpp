@@ -104,7 +104,8 @@ Result<MadeSequence> open_sequence(TaskRun& run, const AnimationOptions& options
                  std::to_string(all.manifest.frames.size()) + " containers",
                  std::to_string(run.task.frame_paths.size())};
   }
-  VOXELD_ASSIGN(const FrameRange range, select_frames(options.frames, all.manifest.frames.size()));
+  VOXELD_ASSIGN(const FrameSelection range,
+                select_frames(options.frames, all.manifest.frames.size()));
   MadeSequence selected;
   selected.manifest = std::move(all.manifest);
   std::vector<SequenceFrame>& frames = selected.manifest.frames;

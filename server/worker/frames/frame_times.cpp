@@ -67,7 +67,7 @@ Result<FrameTimes> frame_times(const AnimationOptions& options, const AnimationI
   const double count = std::max(last, 0.0) + 1.0;
   // Without `frames` the count may be any number; 1e15 fits into a size_t.
   const double counted = std::min(count, 1e15);
-  VOXELD_ASSIGN(const FrameRange range,
+  VOXELD_ASSIGN(const FrameSelection range,
                 select_frames(options.frames, static_cast<size_t>(counted)));
   const size_t asked = range.end - range.begin;
   if (asked > limits::kFramesMax) return too_many(static_cast<int64_t>(asked));
@@ -77,11 +77,12 @@ Result<FrameTimes> frame_times(const AnimationOptions& options, const AnimationI
   return found;
 }
 
-Result<FrameRange> select_frames(const std::optional<std::array<int, 2>>& frames, size_t count) {
-  if (!frames) return FrameRange{0, count};
+Result<FrameSelection> select_frames(const std::optional<std::array<int, 2>>& frames,
+                                     size_t count) {
+  if (!frames) return FrameSelection{0, count};
   const auto [first, last] = *frames;
   if (first >= 0 && first <= last && static_cast<size_t>(last) < count) {
-    return FrameRange{static_cast<size_t>(first), static_cast<size_t>(last) + 1};
+    return FrameSelection{static_cast<size_t>(first), static_cast<size_t>(last) + 1};
   }
   return Error{ErrorCode::kInvalidOption, "frames: there are " + std::to_string(count) + " frames",
                index_text(count, "frames"), frames_text(*frames)};

@@ -25,10 +25,10 @@ Result<FrameTimes> frame_times(const AnimationOptions& options, const AnimationI
 
 // The frames of `count` that `frames` selects: the first, and the one after the last. Errors:
 // invalid-option with the number of frames.
-struct FrameRange {
+struct FrameSelection {
   size_t begin = 0, end = 0;
 };
-Result<FrameRange> select_frames(const std::optional<std::array<int, 2>>& frames, size_t count);
+Result<FrameSelection> select_frames(const std::optional<std::array<int, 2>>& frames, size_t count);
 
 // How long each frame is shown: until the next one. The last is shown as long as the one before it.
 // A single frame is shown for one frame at `fps` (0: kDefaultFps).

@@ -12,7 +12,7 @@
 namespace voxeld {
 namespace {
 
-const CostModel::Guess kGuess{0.1, 2.0, 0.3};
+const CostRegression::Guess kGuess{0.1, 2.0, 0.3};
 
 // 3 ms at 256, with the cube of the side and the root of the bytes.
 double true_cost(const CostFeatures& features) {
@@ -20,8 +20,8 @@ double true_cost(const CostFeatures& features) {
          std::sqrt(features.input_bytes / 1048576.0) * features.frames;
 }
 
-TEST(CostModel, begins_with_its_guess_and_says_how_little_it_knows) {
-  const CostModel model(kGuess);
+TEST(CostRegression, begins_with_its_guess_and_says_how_little_it_knows) {
+  const CostRegression model(kGuess);
   const CostRange range = model.predict({256, 1048576, 1});
   EXPECT_NEAR(range.expected, 0.1, 1e-12);
   EXPECT_NEAR(model.predict({512, 1048576, 3}).expected, 1.2, 1e-12);
@@ -29,8 +29,8 @@ TEST(CostModel, begins_with_its_guess_and_says_how_little_it_knows) {
   EXPECT_GT(range.high, 0.5);
 }
 
-TEST(CostModel, learns_the_law_of_its_observations) {
-  CostModel model(kGuess);
+TEST(CostRegression, learns_the_law_of_its_observations) {
+  CostRegression model(kGuess);
   uint64_t random = 1;
   const auto next = [&random] {
     random = random * 6364136223846793005u + 1442695040888963407u;
@@ -53,34 +53,34 @@ TEST(CostModel, learns_the_law_of_its_observations) {
   }
 }
 
-TEST(CostModel, forgets_a_machine_that_is_gone) {
-  CostModel model(kGuess);
+TEST(CostRegression, forgets_a_machine_that_is_gone) {
+  CostRegression model(kGuess);
   const CostFeatures features{256, 1048576, 1};
   for (int i = 0; i < 1000; ++i) model.observe(features, 5.0);
   for (int i = 0; i < 1000; ++i) model.observe(features, 0.5);
   EXPECT_NEAR(model.predict(features).expected, 0.5, 0.02);
 }
 
-TEST(CostModel, leaves_nonsense_aside) {
-  CostModel model(kGuess);
+TEST(CostRegression, leaves_nonsense_aside) {
+  CostRegression model(kGuess);
   for (const double cost : {0.0, -1.0, std::nan(""), HUGE_VAL}) model.observe({}, cost);
   model.observe({256, 1, 0}, 1.0);
   EXPECT_EQ(model.observations(), 0);
 }
 
-TEST(CostModel, is_read_back_as_it_was_written) {
-  CostModel model(kGuess);
+TEST(CostRegression, is_read_back_as_it_was_written) {
+  CostRegression model(kGuess);
   for (int i = 1; i < 40; ++i) model.observe({16.0 * i, 1e5 * i, 1}, 0.01 * i);
-  CostModel read(kGuess);
+  CostRegression read(kGuess);
   ASSERT_TRUE(read.parse(model.text()).ok());
   EXPECT_EQ(read.text(), model.text());
   EXPECT_EQ(read.predict({300, 1e6, 1}).expected, model.predict({300, 1e6, 1}).expected);
   for (const std::string text :
        {"", "1 2", "1 2 3 4 5 6 7 8 9 10 11 12 13 14 x", "-1 0 0 1 1 1 1 0 0 0 1 0 0 0 1",
         "1 0 0 1 1 1 0 0 0 0 0 0 0 0 0"}) {
-    CostModel other(kGuess);
+    CostRegression other(kGuess);
     EXPECT_FALSE(other.parse(text).ok()) << text;
-    EXPECT_EQ(other.text(), CostModel(kGuess).text());
+    EXPECT_EQ(other.text(), CostRegression(kGuess).text());
   }
 }
 
