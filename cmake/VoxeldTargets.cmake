@@ -59,10 +59,13 @@ function(voxeld_library name)
   target_link_libraries(${name} INTERFACE ${VOXELD_MERGED})
 endfunction()
 
-# voxeld_test(<name> SOURCES a.cpp ... LIBS lib ... [LABEL l]) makes one gtest binary, one ctest
-# entry and the label that `ctest -L` selects by.
+# voxeld_test(<name> SOURCES a.cpp ... LIBS lib ... [LABEL l] [WHOLE]) makes one gtest binary, one
+# ctest entry and the label that `ctest -L` selects by.
+#
+# WHOLE: tests choose between two lists of parameters (tests/unit/long_form.h). The entry takes the
+# short ones. A second entry, <name>.whole of label long, takes the whole ones.
 function(voxeld_test name)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(ARG "WHOLE" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
@@ -81,12 +84,24 @@ function(voxeld_test name)
     math(EXPR ARG_TIMEOUT "6 * ${ARG_TIMEOUT}")
   endif()
   set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
+  if(ARG_WHOLE)
+    # Without the label unit, by which the step of the sanitizers selects.
+    add_test(NAME ${name}.whole COMMAND ${name})
+    set_tests_properties(${name}.whole PROPERTIES LABELS long TIMEOUT ${ARG_TIMEOUT}
+                         ENVIRONMENT VOXELD_LONG=1)
+  endif()
 endfunction()
 
-# voxeld_gpu_test(<name> SOURCES ... LIBS ... [DEVICES ...]) makes one binary and one ctest entry for
-# each software driver, or for DEVICES alone; the binary takes the device from VOXELD_TEST_DEVICE.
+# voxeld_gpu_test(<name> SOURCES ... LIBS ... [DEVICES ...] [SMOKE Suite.test ...] [WHOLE]) makes one
+# binary and one ctest entry for each software driver, or for DEVICES alone; the binary takes the
+# device from VOXELD_TEST_DEVICE.
+#
+# SMOKE: llvmpipe runs all tests, the other drivers these alone (patterns of gtest): each pass, each
+# pipeline and each kind of result at least once, against the CPU or an oracle. Entries
+# <name>.<device>.whole of label long run all tests on the other drivers.
+# WHOLE: as in voxeld_test, on each driver.
 function(voxeld_gpu_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS;DEVICES" ${ARGN})
+  cmake_parse_arguments(ARG "WHOLE" "TIMEOUT" "SOURCES;LIBS;DEVICES;SMOKE" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
@@ -97,8 +112,23 @@ function(voxeld_gpu_test name)
     set(ARG_DEVICES llvmpipe lavapipe osmesa)
   endif()
   foreach(device IN LISTS ARG_DEVICES)
-    add_test(NAME ${name}.${device} COMMAND ${name})
+    set(is_smoke FALSE)
+    if(ARG_SMOKE AND NOT device STREQUAL "llvmpipe")
+      set(is_smoke TRUE)
+    endif()
+    if(is_smoke)
+      add_test(NAME ${name}.${device}
+               COMMAND ${PROJECT_SOURCE_DIR}/tests/gpu/run_some.sh $<TARGET_FILE:${name}> ${ARG_SMOKE})
+    else()
+      add_test(NAME ${name}.${device} COMMAND ${name})
+    endif()
     set_tests_properties(${name}.${device} PROPERTIES LABELS gpu TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL TRUE
                          ENVIRONMENT "VOXELD_TEST_DEVICE=${device}")
+    if(is_smoke OR ARG_WHOLE)
+      add_test(NAME ${name}.${device}.whole COMMAND ${name})
+      set_tests_properties(${name}.${device}.whole PROPERTIES
+                           LABELS "gpu;long" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL TRUE
+                           ENVIRONMENT "VOXELD_TEST_DEVICE=${device};VOXELD_LONG=1")
+    endif()
   endforeach()
 endfunction()

@@ -48,8 +48,7 @@ class DeviceOctree {
     }
   }
 
-  gpu::ShaderLibrary shaders_{gpu::test_context()};
-  BatchOctree octree_{gpu::test_context(), shaders_};
+  BatchOctree octree_{gpu::test_context(), shared_shaders()};
 };
 
 TEST(DeviceOctrees, equal_those_of_the_cpu_for_surfaces) {

@@ -18,17 +18,22 @@ namespace voxeld::pipelines {
 inline constexpr std::array<PipelineChoice, 3> kPipelines = {
     PipelineChoice::kCompute, PipelineChoice::kRaster, PipelineChoice::kCpu};
 
-inline Voxelizer& voxelizer() {
+// Programs that all tests of a binary share: to compile them again takes longer than most tests.
+// Tunings choose among them by defines.
+inline gpu::ShaderLibrary& shared_shaders() {
   static gpu::ShaderLibrary shaders(gpu::test_context());
-  static Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shaders));
+  return shaders;
+}
+
+inline Voxelizer& voxelizer() {
+  static Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shared_shaders()));
   return one;
 }
 
 // Pipeline compute as hardware runs it, whatever the device is.
 inline Voxelizer& batched_voxelizer() {
-  static gpu::ShaderLibrary shaders(gpu::test_context());
-  static Voxelizer one(
-      std::make_unique<GlPipeline>(gpu::test_context(), shaders, GlTuning{.batches = true}));
+  static Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shared_shaders(),
+                                                    GlTuning{.batches = true}));
   return one;
 }
 

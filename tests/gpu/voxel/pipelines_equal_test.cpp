@@ -7,6 +7,7 @@
 #include <random>
 
 #include "tests/gpu/voxel/pipelines.h"
+#include "tests/unit/long_form.h"
 
 namespace voxeld::pipelines {
 namespace {
@@ -17,7 +18,7 @@ VoxelizeOptions all_channels(VoxelizeOptions options) {
 }
 
 TEST(Pipelines, give_the_same_bytes_for_soups_of_awkward_triangles) {
-  for (const uint64_t seed : {1u, 2u, 3u, 4u}) {
+  for (const uint64_t seed : by_form<uint64_t>({1}, {1, 2, 3, 4})) {
     const Scene scene = soup(seed, {.count = 3000, .extent = 64, .size_max = 24, .colors = true});
     const Grid grid =
         voxelize_all(scene, all_channels(unit_cells({64, 64, 64})), "seed " + std::to_string(seed));
@@ -26,7 +27,7 @@ TEST(Pipelines, give_the_same_bytes_for_soups_of_awkward_triangles) {
 }
 
 TEST(Pipelines, give_the_same_bytes_across_tiles) {
-  for (const uint64_t seed : {5u, 6u}) {
+  for (const uint64_t seed : by_form<uint64_t>({5}, {5, 6})) {
     const Scene scene = soup(seed, {.count = 1500, .extent = 600, .size_max = 300, .colors = true});
     const Grid grid = voxelize_all(scene, all_channels(unit_cells({600, 600, 600})),
                                    "seed " + std::to_string(seed));
@@ -92,7 +93,7 @@ TEST(Pipelines, do_not_depend_on_the_order_of_triangles_or_corners_or_on_winding
   std::vector<size_t> order(2000);
   std::iota(order.begin(), order.end(), 0u);
   std::mt19937_64 random(1);
-  for (size_t turn = 0; turn < 3; ++turn) {
+  for (const size_t turn : by_form<size_t>({1, 2}, {0, 1, 2})) {
     std::shuffle(order.begin(), order.end(), random);
     const Grid grid = voxelize_all(reordered(scene, order, turn, turn != 1), options);
     EXPECT_TRUE(grid.tiles == expected.tiles) << "turn " << turn;

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "tests/gpu/voxel/pipelines.h"
+#include "tests/unit/long_form.h"
 
 namespace voxeld::pipelines {
 namespace {
@@ -42,6 +43,7 @@ TEST(Rules, voxels_have_the_colours_and_normals_that_they_have_under_touch) {
 TEST(Rules, give_the_same_bytes_across_tiles) {
   const Scene scene = soup(42, {.count = 700, .extent = 600, .size_max = 300, .colors = true});
   for (const auto& [rule, name] : kRules) {
+    if (rule == Rule::kThin && !long_form()) continue;  // the next test crosses tiles by both
     const Grid grid = voxelize_all(scene, with_rule(unit_cells({600, 600, 600}), rule), name);
     EXPECT_GT(voxel_count(grid), 500'000u) << name;
   }
@@ -66,7 +68,7 @@ TEST(Rules, do_not_depend_on_the_order_of_triangles_or_corners) {
     VoxelizeOptions options = unit_cells({48, 48, 48});
     options.rule = rule;
     const Grid expected = voxelize_all(scene, options, name);
-    for (size_t turn = 0; turn < 3; ++turn) {
+    for (const size_t turn : by_form<size_t>({1, 2}, {0, 1, 2})) {
       std::shuffle(order.begin(), order.end(), random);
       MeshPart part = scene.parts[0];
       for (size_t t = 0; t < order.size(); ++t) {

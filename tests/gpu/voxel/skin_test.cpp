@@ -78,8 +78,7 @@ void expect_same_bits(SkinPass& pass, const SkinTable& table, const Scene& bind,
 
 TEST(Skin, this_device_has_the_floats_of_the_cpu) {
   EXPECT_TRUE(gpu::test_context().info().has_float64);
-  gpu::ShaderLibrary shaders(gpu::test_context());
-  SkinPass pass(gpu::test_context(), shaders);
+  SkinPass pass(gpu::test_context(), shared_shaders());
   const auto exact = pass.is_exact();
   ASSERT_TRUE(exact.ok());
   EXPECT_TRUE(*exact);
@@ -90,8 +89,7 @@ TEST(Skin, this_device_has_the_floats_of_the_cpu) {
 }
 
 TEST(Skin, vertices_of_both_kinds_are_those_of_the_cpu_bit_for_bit) {
-  gpu::ShaderLibrary shaders(gpu::test_context());
-  SkinPass pass(gpu::test_context(), shaders);
+  SkinPass pass(gpu::test_context(), shared_shaders());
   const glm::dmat4 turned(0.96, 0.02, 0.1, 0, 0, 0.1, -0.97, 0, 0.05, 0.93, 0.12, 0, 0.1, 0.2, -0.3,
                           1);
   for (const bool is_md5 : {true, false}) {
@@ -105,8 +103,7 @@ TEST(Skin, vertices_of_both_kinds_are_those_of_the_cpu_bit_for_bit) {
 }
 
 TEST(Skin, vertices_outside_of_the_grid_and_at_no_finite_place_are_reported) {
-  gpu::ShaderLibrary shaders(gpu::test_context());
-  SkinPass pass(gpu::test_context(), shaders);
+  SkinPass pass(gpu::test_context(), shared_shaders());
   const Worm worm(false);
   GridSpec spec = grid_of(256);
   const Pose rest = worm.pose(0);
@@ -191,8 +188,7 @@ class Frames {
   Frames(const Worm& worm, VoxelizeOptions options, const GridSpec& spec, GlTuning tuning)
       : worm_(worm),
         options_(std::move(options)),
-        shaders_(gpu::test_context()),
-        voxelizer_(std::make_unique<GlPipeline>(gpu::test_context(), shaders_, tuning)),
+        voxelizer_(std::make_unique<GlPipeline>(gpu::test_context(), shared_shaders(), tuning)),
         shared_(spec),
         scene_(worm.scene) {
     options_.pipeline = PipelineChoice::kCompute;
@@ -224,7 +220,6 @@ class Frames {
  private:
   const Worm& worm_;
   VoxelizeOptions options_;
-  gpu::ShaderLibrary shaders_;
   Voxelizer voxelizer_;
   SharedFrames shared_;
   Scene scene_;
@@ -396,9 +391,8 @@ TEST(Skin, topology_and_rig_are_uploaded_once) {
 // Two sequences on one device: neither is given what was uploaded for the other.
 TEST(Skin, sequences_do_not_share_uploads) {
   const Worm one(true), other(true, 31);
-  gpu::ShaderLibrary shaders(gpu::test_context());
-  Voxelizer voxelizer(
-      std::make_unique<GlPipeline>(gpu::test_context(), shaders, GlTuning{.batches = true}));
+  Voxelizer voxelizer(std::make_unique<GlPipeline>(gpu::test_context(), shared_shaders(),
+                                                   GlTuning{.batches = true}));
   VoxelizeOptions options = geometry();
   options.pipeline = PipelineChoice::kCompute;
   const GridSpec spec = grid_of(80);

@@ -11,14 +11,14 @@
 #include "server/voxel/gl/occupancy/mask_bricks.h"
 #include "server/voxel/tiles/compact.h"
 #include "tests/gpu/voxel/pipelines.h"
+#include "tests/unit/long_form.h"
 
 namespace voxeld::pipelines {
 namespace {
 
 Voxelizer& by_words() {
-  static gpu::ShaderLibrary shaders(gpu::test_context());
-  static Voxelizer one(
-      std::make_unique<GlPipeline>(gpu::test_context(), shaders, GlTuning{.batches = false}));
+  static Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shared_shaders(),
+                                                    GlTuning{.batches = false}));
   return one;
 }
 
@@ -106,7 +106,7 @@ TEST(Words, needles_and_points_across_tiles_give_the_same_hash) {
 }
 
 TEST(Words, small_and_large_triangles_together_give_the_same_hash) {
-  for (const uint64_t seed : {75u, 76u}) {
+  for (const uint64_t seed : by_form<uint64_t>({75}, {75, 76})) {
     expect_same_hash(soup(seed, {.count = 3000, .extent = 600, .size_max = 200}),
                      unit_cells({600, 600, 600}), std::to_string(seed));
   }

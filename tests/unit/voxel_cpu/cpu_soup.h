@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <deque>
 #include <random>
 #include <set>
 #include <string>
@@ -122,6 +123,23 @@ inline Cells touched_cells(CpuTouch& touch, const std::vector<Triangle>& triangl
   return cells_of(touched_tiles(touch, mesh_of(triangles, spec), spec));
 }
 
+// The cells of a bin's tile inside `window`.
+inline Cells cells_in(const CellBox& window, CpuTouch& touch, const SnappedMesh& mesh,
+                      const GridSpec& spec, const TileBin& bin) {
+  SparseTile tile;
+  tile.coord = {bin.coord.x, bin.coord.y, bin.coord.z};
+  touch.run(mesh, spec, bin, tile);
+  Cells cells;
+  for_each_voxel(tile, [&](int x, int y, int z, size_t) {
+    const glm::ivec3 p(x, y, z);
+    if (glm::all(glm::greaterThanEqual(p, window.first)) &&
+        glm::all(glm::lessThanEqual(p, window.last))) {
+      cells.insert({x, y, z});
+    }
+  });
+  return cells;
+}
+
 // How two sets differ, for messages.
 inline std::string difference(const Cells& got, const Cells& expected) {
   std::vector<std::array<int, 3>> cells;
@@ -134,6 +152,37 @@ inline std::string difference(const Cells& got, const Cells& expected) {
   }
   return text;
 }
+
+// Each supported instruction set, on one thread. One run of the oracle, which takes most of the time
+// of a test, serves all of them.
+class TouchOfIsas {
+ public:
+  explicit TouchOfIsas(Rule rule = Rule::kTouch) {
+    for (const CpuIsa isa : supported_cpu_isas()) all_.emplace_back(isa).touch.set_rule(rule);
+  }
+
+  // Calls visit(touch, name of the instruction set).
+  template <typename Visit>
+  void for_each(const Visit& visit) {
+    for (One& one : all_) visit(one.touch, std::string(cpu_isa_name(one.isa)));
+  }
+
+  void expect_cells(const std::vector<Triangle>& triangles, const glm::ivec3& dims,
+                    const Cells& expected, const std::string& what) {
+    for_each([&](CpuTouch& touch, const std::string& isa) {
+      const Cells got = touched_cells(touch, triangles, dims);
+      ASSERT_EQ(got, expected) << isa << ", " << what << ": " << difference(got, expected);
+    });
+  }
+
+ private:
+  struct One {
+    explicit One(CpuIsa its_isa) : isa(its_isa), touch(1, its_isa) {}
+    CpuIsa isa;
+    CpuTouch touch;
+  };
+  std::deque<One> all_;
+};
 
 // Small, large and awkward ones together.
 inline std::vector<Triangle> mixed_soup(Soup& soup, const glm::ivec3& dims) {

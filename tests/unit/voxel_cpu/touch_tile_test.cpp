@@ -45,39 +45,36 @@ Cells expected_cells(const std::vector<Triangle>& triangles, const glm::ivec3& d
   return cells;
 }
 
-class CpuTouchTest : public testing::TestWithParam<CpuIsa> {};
+// By every instruction set.
+void expect_oracle(TouchOfIsas& isas, const std::vector<Triangle>& triangles,
+                   const glm::ivec3& dims, const std::string& what) {
+  isas.expect_cells(triangles, dims, expected_cells(triangles, dims), what);
+}
 
-INSTANTIATE_TEST_SUITE_P(Isas, CpuTouchTest, testing::ValuesIn(supported_cpu_isas()),
-                         [](const auto& isa) { return std::string(cpu_isa_name(isa.param)); });
-
-TEST_P(CpuTouchTest, small_triangles_touch_the_cells_of_the_oracle) {
-  CpuTouch touch(1, GetParam());
+TEST(CpuTouch, small_triangles_touch_the_cells_of_the_oracle) {
+  TouchOfIsas isas;
   Soup soup(1);
   for (int round = 0; round < 60; ++round) {
     const glm::ivec3 dims(soup.integer(20, 70), soup.integer(20, 70), soup.integer(20, 70));
     std::vector<Triangle> triangles;
     for (int t = 0; t < 150; ++t)
       triangles.push_back(soup.triangle(t, soup.integer(1, 1200), dims));
-    const Cells got = touched_cells(touch, triangles, dims);
-    const Cells expected = expected_cells(triangles, dims);
-    ASSERT_EQ(got, expected) << "round " << round << ": " << difference(got, expected);
+    ASSERT_NO_FATAL_FAILURE(expect_oracle(isas, triangles, dims, "round " + std::to_string(round)));
   }
 }
 
-TEST_P(CpuTouchTest, each_triangle_alone_touches_the_cells_of_the_oracle) {
-  CpuTouch touch(1, GetParam());
+TEST(CpuTouch, each_triangle_alone_touches_the_cells_of_the_oracle) {
+  TouchOfIsas isas;
   Soup soup(2);
   const glm::ivec3 dims(40, 50, 60);
   for (int t = 0; t < 2000; ++t) {
     const std::vector<Triangle> one = {soup.triangle(t, soup.integer(1, 7000), dims)};
-    const Cells got = touched_cells(touch, one, dims);
-    const Cells expected = expected_cells(one, dims);
-    ASSERT_EQ(got, expected) << "triangle " << t << ": " << difference(got, expected);
+    ASSERT_NO_FATAL_FAILURE(expect_oracle(isas, one, dims, "triangle " + std::to_string(t)));
   }
 }
 
-TEST_P(CpuTouchTest, triangles_at_the_limits_of_the_small_and_the_large_are_exact) {
-  CpuTouch touch(1, GetParam());
+TEST(CpuTouch, triangles_at_the_limits_of_the_small_and_the_large_are_exact) {
+  TouchOfIsas isas;
   const glm::ivec3 dims(40, 40, 40);
   for (const int extent : {4095, 4096, 4097}) {
     for (const int start : {1280, 1281, 1535}) {
@@ -98,17 +95,16 @@ TEST_P(CpuTouchTest, triangles_at_the_limits_of_the_small_and_the_large_are_exac
         const std::vector<Triangle> few(
             triangles.begin() + static_cast<int64_t>(first),
             triangles.begin() + static_cast<int64_t>(std::min(first + 3, triangles.size())));
-        const Cells got = touched_cells(touch, few, dims);
-        const Cells expected = expected_cells(few, dims);
-        ASSERT_EQ(got, expected) << extent << " " << start << " " << first << ": "
-                                 << difference(got, expected);
+        ASSERT_NO_FATAL_FAILURE(expect_oracle(
+            isas, few, dims,
+            std::to_string(extent) + " " + std::to_string(start) + " " + std::to_string(first)));
       }
     }
   }
 }
 
-TEST_P(CpuTouchTest, triangles_across_tiles_of_a_grid_with_unequal_sides_are_exact) {
-  CpuTouch touch(1, GetParam());
+TEST(CpuTouch, triangles_across_tiles_of_a_grid_with_unequal_sides_are_exact) {
+  TouchOfIsas isas;
   Soup soup(3);
   const glm::ivec3 dims(300, 9, 530);
   std::vector<Triangle> triangles;
@@ -122,14 +118,12 @@ TEST_P(CpuTouchTest, triangles_across_tiles_of_a_grid_with_unequal_sides_are_exa
     }
     triangles.push_back(v);
   }
-  const Cells got = touched_cells(touch, triangles, dims);
-  const Cells expected = expected_cells(triangles, dims);
-  ASSERT_EQ(got, expected) << difference(got, expected);
+  expect_oracle(isas, triangles, dims, "soup");
 }
 
 // Windows of cells around points of the triangle, because the oracle is slow.
-TEST_P(CpuTouchTest, triangles_as_large_as_the_largest_grid_are_exact) {
-  CpuTouch touch(1, GetParam());
+TEST(CpuTouch, triangles_as_large_as_the_largest_grid_are_exact) {
+  TouchOfIsas isas;
   Soup soup(4);
   const glm::ivec3 dims(2048);
   const GridSpec spec = grid_of(dims);
@@ -148,20 +142,14 @@ TEST_P(CpuTouchTest, triangles_as_large_as_the_largest_grid_are_exact) {
     bin.triangles = std::span(&index, 1);
     const CellBox window = {glm::max(cell - 6, bin.coord * 256),
                             glm::min(cell + 6, bin.coord * 256 + 255)};
-    SparseTile tile;
-    tile.coord = {bin.coord.x, bin.coord.y, bin.coord.z};
-    touch.run(mesh, spec, bin, tile);
-    Cells got, expected;
-    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
-      const glm::ivec3 p(x, y, z);
-      if (glm::all(glm::greaterThanEqual(p, window.first)) &&
-          glm::all(glm::lessThanEqual(p, window.last))) {
-        got.insert({x, y, z});
-      }
-    });
+    Cells expected;
     add_expected(v, window, expected);
     checked += expected.size();
-    ASSERT_EQ(got, expected) << "triangle " << t << ": " << difference(got, expected);
+    isas.for_each([&](CpuTouch& touch, const std::string& isa) {
+      const Cells got = cells_in(window, touch, mesh, spec, bin);
+      EXPECT_EQ(got, expected) << isa << ", triangle " << t << ": " << difference(got, expected);
+    });
+    ASSERT_FALSE(HasFailure());
   }
   EXPECT_GT(checked, 10'000u);
 }
