@@ -1,4 +1,5 @@
-"""tools/install-packages and its lists, with programs of a made-up release in place of dpkg and apt."""
+"""tools/install-packages and its lists, with programs of a made-up release in place of dpkg and apt; tools/install-npm
+with a made-up npm."""
 import os
 import pathlib
 import re
@@ -6,7 +7,9 @@ import shutil
 import subprocess
 import tempfile
 import unittest
+import unittest.mock
 
+import npm_packages
 from harness import ROOT
 
 LISTS = ROOT / "tools/packages"
@@ -108,6 +111,66 @@ class PackageLists(unittest.TestCase):
                 seen[entry] = path.name
         self.assertIn("g++", seen)
         self.assertEqual(seen["clang"], "test.txt")
+
+
+class NpmPackages(unittest.TestCase):
+    """Two folders of tests, and an npm that notes where it ran and ends with a status."""
+
+    def setUp(self):
+        directory = tempfile.TemporaryDirectory()
+        self.addCleanup(directory.cleanup)
+        self.dir = pathlib.Path(directory.name)
+        (self.dir / "tools").mkdir()
+        shutil.copy(ROOT / "tools/install-npm", self.dir / "tools")
+        for name in ("a", "b"):
+            (self.dir / "tests" / name).mkdir(parents=True)
+            for file in npm_packages.FILES:
+                (self.dir / "tests" / name / file).write_text(f"{file} of {name}\n")
+        (self.dir / "bin").mkdir()
+
+    def install(self, *names, status=0):
+        """The process, and the folders in which npm ran."""
+        programs = {"npm": f'basename "$PWD" >>{self.dir}/calls\nmkdir -p node_modules\necho words\nexit {status}\n',
+                    "sleep": ""}
+        for name, text in programs.items():
+            (self.dir / "bin" / name).write_text("#!/bin/bash\n" + text)
+            (self.dir / "bin" / name).chmod(0o755)
+        (self.dir / "calls").write_text("")
+        done = subprocess.run([self.dir / "tools/install-npm", *names], capture_output=True, text=True,
+                              env={**os.environ, "PATH": f"{self.dir}/bin:{os.environ['PATH']}"})
+        return done, (self.dir / "calls").read_text().split()
+
+    def prepare(self, name):
+        with unittest.mock.patch.object(npm_packages, "ROOT", self.dir):
+            npm_packages.prepare(self.dir / "tests" / name, self.dir / "work")
+
+    def test_packages_are_fetched_once_and_again_when_the_lock_file_differs(self):
+        done, calls = self.install()
+        self.assertEqual((done.returncode, calls), (0, ["a", "b"]), done.stderr)
+        self.assertEqual(done.stdout, "npm packages of tests/a: fetched\nnpm packages of tests/b: fetched\n")
+        self.prepare("a")
+        self.prepare("a")
+        self.assertTrue((self.dir / "work/node_modules").samefile(self.dir / "build/npm/a/node_modules"))
+        self.assertEqual(self.install()[1], [])
+        (self.dir / "tests/b/package-lock.json").write_text("another\n")
+        with self.assertRaises(unittest.SkipTest):
+            self.prepare("b")
+        self.assertEqual(self.install("a")[1], [])
+        self.assertEqual(self.install()[1], ["b"])
+        self.prepare("b")
+
+    def test_without_a_registry_the_step_passes_and_tests_are_skipped(self):
+        done, calls = self.install(status=1)
+        self.assertEqual((done.returncode, calls), (0, ["a", "a", "a", "b"]), done.stderr)
+        self.assertEqual(done.stdout, "".join(
+            f"words\nnpm packages of tests/{name}: NOT FETCHED; tests that need them are skipped\n" for name in "ab"))
+        with self.assertRaisesRegex(unittest.SkipTest, "the npm packages of tests/a are not in build/npm/a: run "
+                                                       "tools/install-npm a where npm's registry can be reached"):
+            self.prepare("a")
+
+    def test_a_folder_without_packages_is_an_error(self):
+        done, _ = self.install("c")
+        self.assertEqual((done.returncode, done.stderr), (2, "error: there is no tests/c/package-lock.json\n"))
 
 
 if __name__ == "__main__":

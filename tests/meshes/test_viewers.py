@@ -1,6 +1,5 @@
 """GLB as others read it: Khronos' validator, three.js with meshoptimizer's decoder, and Manifold, which takes only closed
-manifold meshes. The packages are those of package-lock.json. They are installed into VOXELD_MESHES_DIR, a folder of the
-build."""
+manifold meshes. The packages are those of package-lock.json; VOXELD_MESHES_DIR is the folder that uses them."""
 import io
 import json
 import os
@@ -28,7 +27,7 @@ class Viewers(DaemonTest):
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.install(HERE, WORK)
+        npm_packages.prepare(HERE, WORK)
         shutil.copyfile(HERE / "read_mesh.mjs", WORK / "read_mesh.mjs")
         super().setUpClass()
 

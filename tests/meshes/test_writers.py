@@ -1,5 +1,5 @@
 """GLB as others write it: glTF-Transform with the encoders of Draco and meshoptimizer. The packages are those of
-package-lock.json. They are installed into VOXELD_MESHES_DIR, a folder of the build."""
+package-lock.json; VOXELD_MESHES_DIR is the folder that uses them."""
 import io
 import json
 import os
@@ -40,7 +40,7 @@ class Writers(DaemonTest):
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.install(HERE, WORK)
+        npm_packages.prepare(HERE, WORK)
         shutil.copyfile(HERE / "compress.mjs", WORK / "compress.mjs")
         super().setUpClass()
 

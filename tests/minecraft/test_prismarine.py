@@ -1,5 +1,5 @@
 """Files of blocks as prismarine-nbt and prismarine-schematic read them, which know the game's blocks by its own data. The
-packages are those of package-lock.json. They are installed into VOXELD_MINECRAFT_DIR, a folder of the build."""
+packages are those of package-lock.json; VOXELD_MINECRAFT_DIR is the folder that uses them."""
 import base64
 import io
 import json
@@ -44,7 +44,7 @@ class Prismarine(DaemonTest):
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.install(HERE, WORK)
+        npm_packages.prepare(HERE, WORK)
         shutil.copyfile(HERE / "read_blocks.mjs", WORK / "read_blocks.mjs")
         super().setUpClass()
 

@@ -1,5 +1,5 @@
 """openapi.yaml as client generators see it: redocly's lint, openapi-typescript, tsc --strict, and a program that runs a
-job. The packages are those of package-lock.json. They are installed into VOXELD_OPENAPI_DIR, a folder of the build."""
+job. The packages are those of package-lock.json; VOXELD_OPENAPI_DIR is the folder that uses them."""
 import json
 import os
 import pathlib
@@ -30,18 +30,14 @@ def tool(name, *arguments):
     return run(WORK / "node_modules/.bin" / name, *arguments)
 
 
-def install():
-    npm_packages.install(HERE, WORK)
-    for name in SOURCES:
-        shutil.copyfile(HERE / name, WORK / name)
-
-
 class Clients(DaemonTest):
     device = "cpu"
 
     @classmethod
     def setUpClass(cls):
-        install()
+        npm_packages.prepare(HERE, WORK)
+        for name in SOURCES:
+            shutil.copyfile(HERE / name, WORK / name)
         super().setUpClass()
 
     def succeed(self, done):

@@ -1,5 +1,5 @@
 """KTX 2.0 textures by ktx-parse and three.js, compared with the npz of the same grid. The packages are those of
-package-lock.json. They are installed into VOXELD_TEXTURES_DIR, a folder of the build."""
+package-lock.json; VOXELD_TEXTURES_DIR is the folder that uses them."""
 import io
 import json
 import os
@@ -30,7 +30,7 @@ class Textures(DaemonTest):
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.install(HERE, WORK)
+        npm_packages.prepare(HERE, WORK)
         shutil.copyfile(HERE / "read_ktx2.mjs", WORK / "read_ktx2.mjs")
         super().setUpClass()
 

@@ -3,9 +3,10 @@ import { defineConfig } from "@playwright/test";
 
 export default defineConfig({
   testMatch: "*.spec.mjs",
-  workers: 1,
-  timeout: 180_000, // for machines that others use, too
-  expect: { timeout: 45_000 },
+  workers: 1, // one browser, with a context for each test
+  // These only end a test that hangs, however busy the machine is.
+  timeout: 300_000,
+  expect: { timeout: 90_000 },
   reporter: "list",
   outputDir: "results",
   use: {
@@ -18,6 +19,7 @@ export default defineConfig({
         "--disable-dev-shm-usage",
         "--use-angle=gl-egl",
         "--ignore-gpu-blocklist",
+        "--disable-gpu-watchdog", // it ends a process that compiles shaders for long
       ],
     },
   },

@@ -1,5 +1,5 @@
 """Types of the page's scripts, and the page in Debian's Chromium (page.spec.mjs, by Playwright). Packages are those of
-package-lock.json; they are installed into VOXELD_WEB_WORK_DIR, a folder of the build. No browser is downloaded."""
+package-lock.json; VOXELD_WEB_WORK_DIR is the folder that uses them. No browser is downloaded."""
 import os
 import pathlib
 import shutil
@@ -19,22 +19,7 @@ from harness import BIN  # noqa: E402
 WORK = pathlib.Path(os.environ.get("VOXELD_WEB_WORK_DIR", ROOT / "build/dev/tests/web/work"))
 
 
-class Browser(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        npm_packages.install(HERE, WORK)
-        for path in HERE.glob("*.mjs"):
-            shutil.copyfile(path, WORK / path.name)
-
-    def node(self, *arguments, seconds, **environment):
-        done = subprocess.run(["node", *arguments], cwd=WORK, timeout=seconds, env={**os.environ, **environment},
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.assertEqual(done.returncode, 0, done.stdout[-6000:])
-        return done.stdout
-
-    def test_the_scripts_have_strict_types(self):
-        self.node("node_modules/typescript/bin/tsc", "--project", str(HERE), seconds=120)
-
+class Build(unittest.TestCase):
     def test_the_shortened_shader_is_valid_in_every_variant(self):
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
@@ -55,10 +40,31 @@ class Browser(unittest.TestCase):
         self.assertEqual(*pages)
         self.assertEqual(len(pages[0]), 4)
 
+
+class Browser(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        npm_packages.prepare(HERE, WORK)
+        for path in HERE.glob("*.mjs"):
+            shutil.copyfile(path, WORK / path.name)
+
+    def node(self, *arguments, seconds, **environment):
+        done = subprocess.run(["node", *arguments], cwd=WORK, timeout=seconds, env={**os.environ, **environment},
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout[-6000:])
+        return done.stdout
+
+    def test_the_scripts_have_strict_types(self):
+        self.node("node_modules/typescript/bin/tsc", "--project", str(HERE), seconds=600)
+
     def test_the_page_in_chromium(self):
         self.assertIsNotNone(shutil.which("chromium"), "chromium missing; Debian: apt-get install chromium")
-        print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=1100, VOXELD_BIN_DIR=str(BIN.resolve()),
-                        VOXELD_ROOT_DIR=str(ROOT)))
+        # Caches of shaders and fonts are those of this run alone, and what is left goes with the folder. The name is
+        # short because paths of sockets have a limit.
+        with tempfile.TemporaryDirectory(prefix="web-") as folder:
+            print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=1100,
+                            VOXELD_BIN_DIR=str(BIN.resolve()), VOXELD_ROOT_DIR=str(ROOT), TMPDIR=folder, HOME=folder,
+                            XDG_CACHE_HOME=f"{folder}/cache", XDG_CONFIG_HOME=f"{folder}/config"))
 
 
 if __name__ == "__main__":

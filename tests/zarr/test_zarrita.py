@@ -1,5 +1,5 @@
 """Live Zarr stores of both versions as zarrita reads them over HTTP, against the npz of the same grid. The packages are
-those of package-lock.json. They are installed into VOXELD_ZARR_DIR, a folder of the build."""
+those of package-lock.json; VOXELD_ZARR_DIR is the folder that uses them."""
 import io
 import json
 import os
@@ -28,7 +28,7 @@ class Zarrita(DaemonTest):
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.install(HERE, WORK)
+        npm_packages.prepare(HERE, WORK)
         shutil.copyfile(HERE / "read_store.mjs", WORK / "read_store.mjs")
         super().setUpClass()
         name = "sample.obj.zip"

@@ -1,4 +1,4 @@
-// The viewer under pointer, touch and keys, and what it costs.
+// The viewer under pointer, touch and keys.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Session } from "./browser/session";
@@ -6,8 +6,7 @@ import { Session } from "./browser/session";
 const WIDTH = 300,
   HEIGHT = 200;
 const session = new Session(WIDTH, HEIGHT);
-// Frames that the canvas draws of one grid after another: at rest within this time.
-const SETTLE_MS = 3000;
+const WAIT_MS_MAX = 60_000; // for a condition; ends a test that hangs
 
 async function showRocket(
   size: number,
@@ -62,6 +61,16 @@ async function key(name: string, text?: string, modifiers = 0): Promise<void> {
   await session.browser.send("Input.dispatchKeyEvent", { type: "keyUp", ...event });
 }
 
+/** The first value of a call that is as expected. */
+async function eventually<T>(get: () => Promise<T>, isExpected: (value: T) => boolean): Promise<T> {
+  for (const end = Date.now() + WAIT_MS_MAX; ; ) {
+    const value = await get();
+    if (isExpected(value)) return value;
+    assert.ok(Date.now() < end, `still ${JSON.stringify(value)}`);
+    await new Promise((resolve) => setTimeout(resolve, 50));
+  }
+}
+
 const near = (got: number, expected: number, tolerance = 1e-6): void =>
   assert.ok(Math.abs(got - expected) <= tolerance, `${got} is not ${expected}`);
 
@@ -92,9 +101,10 @@ test("a drag turns, the right button and shift pan, the wheel zooms around the p
     deltaX: 0,
     deltaY: -400,
   });
-  await new Promise((resolve) => setTimeout(resolve, 200));
-  camera = await browser.call("camera");
-  assert.ok(camera.zoom > 1.5 * zoom, `${camera.zoom}`);
+  camera = await eventually(
+    () => browser.call("camera"),
+    (now) => now.zoom > 1.5 * zoom,
+  );
   assert.ok(cell);
   assert.deepEqual((await browser.call("pick", 190, 80))?.cell, cell.cell);
 });
@@ -168,7 +178,7 @@ test("at its limits the zoom does not pan", async () => {
 });
 
 test("nothing is drawn while nothing changes", async () => {
-  await new Promise((resolve) => setTimeout(resolve, SETTLE_MS));
+  await session.browser.evaluate("api.atRest().then(() => undefined)");
   assert.equal(await session.browser.call("frameCount", 700), 0);
 });
 
@@ -200,12 +210,10 @@ test("the canvas follows the ratio of device pixels", async () => {
     deviceScaleFactor: 2,
     mobile: false,
   });
-  let size = await browser.call("canvasSize");
-  for (let i = 0; i < 100 && size[0] !== 2 * WIDTH; ++i) {
-    await new Promise((resolve) => setTimeout(resolve, 100));
-    size = await browser.call("canvasSize");
-  }
-  assert.deepEqual(size, [2 * WIDTH, 2 * HEIGHT]);
+  await eventually(
+    () => browser.call("canvasSize"),
+    ([width, height]) => width === 2 * WIDTH && height === 2 * HEIGHT,
+  );
   await browser.send("Emulation.clearDeviceMetricsOverride");
 });
 
@@ -237,20 +245,6 @@ test("a missing worker is an error each time, and no WebGL2 is no viewer", async
     "the viewer's worker did not start",
   ]);
   assert.equal(await browser.call("hasViewerWithoutWebGl"), false);
-});
-
-test("a grid of 1024 takes less than 30 MB of the page", async () => {
-  const { daemon, server, browser } = session;
-  const query = { size: 1024, format: "native" };
-  server.data.set("fine.voxg", await daemon.post("voxelize", "sample.ply", query));
-  const { voxels } = await browser.call("show", "fine.voxg");
-  await browser.send("HeapProfiler.collectGarbage");
-  const heap = await browser.send<{ usedSize: number; backingStorageSize: number }>(
-    "Runtime.getHeapUsage",
-  );
-  const bytes = heap.usedSize + heap.backingStorageSize;
-  console.log(`${voxels} voxels: ${bytes} bytes, device ${await browser.call("deviceBytes")}`);
-  assert.ok(voxels > 1e6 && bytes > 1e6 && bytes < 30e6, `${voxels} voxels, ${bytes} bytes`);
 });
 
 test("a cleared viewer shows nothing", async () => {

@@ -18,7 +18,7 @@ import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-IN_BROWSER = {"pictures", "controls"}
+IN_BROWSER = {"pictures", "controls", "memory"}
 SKIPPED = 77
 
 

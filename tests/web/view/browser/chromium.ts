@@ -7,6 +7,8 @@ import { join } from "node:path";
 import type { Readable, Writable } from "node:stream";
 import type { Api } from "./page";
 
+const START_MS_MAX = 120_000; // of a page; ends a test that hangs
+
 // gl-egl draws with Mesa, on llvmpipe without a GPU. --no-sandbox: root runs it.
 const FLAGS = [
   "--headless=new",
@@ -16,6 +18,7 @@ const FLAGS = [
   "--mute-audio",
   "--use-angle=gl-egl",
   "--ignore-gpu-blocklist",
+  "--disable-gpu-watchdog", // it ends a process that compiles shaders for long
   "--remote-debugging-pipe",
   "--enable-precise-memory-info",
   "about:blank",
@@ -46,6 +49,8 @@ export class Browser {
   constructor(flags: readonly string[] = []) {
     this.process = spawn("chromium", [...FLAGS, `--user-data-dir=${this.profile}`, ...flags], {
       stdio: ["ignore", "ignore", "ignore", "pipe", "pipe"],
+      // Caches of shaders and fonts are those of this run alone.
+      env: { ...process.env, HOME: this.profile, XDG_CACHE_HOME: join(this.profile, "cache") },
     });
     const output = this.process.stdio[4] as Readable;
     output.setEncoding("utf8");
@@ -78,7 +83,7 @@ export class Browser {
     await this.send("Runtime.enable");
     await this.send("Page.enable");
     await this.send("Page.navigate", { url });
-    for (let i = 0; i < 200; ++i) {
+    for (const end = Date.now() + START_MS_MAX; Date.now() < end; ) {
       if (await this.evaluate<boolean>("typeof api === 'object'")) return;
       await new Promise((resolve) => setTimeout(resolve, 50));
     }
