@@ -20,7 +20,8 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/integration"))
+# Before the folder of this file, which has the name of the module that it imports.
+sys.path[:0] = [str(ROOT / "tests/integration/long"), str(ROOT / "tests/integration")]
 
 LARGE_BYTES = 100_000_000
 

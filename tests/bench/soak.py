@@ -13,7 +13,7 @@ import pathlib
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/integration"))
+sys.path[:0] = [str(ROOT / "tests/integration/long"), str(ROOT / "tests/integration")]
 
 SLACK_KB = 8 * 1024
 SLACK_PART = 1.1

@@ -1,7 +1,7 @@
-"""Tenants that contend for one device: what test_fairness asserts shortly and tests/bench/fairness.py measures."""
+"""Tenants that contend for one device: what test_fairness asserts and tests/bench/fairness.py measures."""
 import time
 
-from harness import TenantsDaemon
+from harness import TenantsDaemon, wait_until
 
 # Long on any machine, in many tiles, each of a few milliseconds; cancelled when it is not needed any more.
 GIANT = {"size": 16384, "channels": "occupancy", "cache": "no"}
@@ -29,12 +29,9 @@ class Contention(TenantsDaemon):
     def cancel(self, tenant, job):
         self.tenants[tenant].request("DELETE", f"/v1/jobs/{job}")
 
-    def wait_for_device(self, tenant, job, seconds=60):
+    def wait_for_device(self, tenant, job):
         """Until the job has had a time slice."""
-        deadline = time.monotonic() + seconds
-        while self.status(tenant, job)["device_ms"] == 0:
-            assert time.monotonic() < deadline, self.status(tenant, job)
-            time.sleep(0.01)
+        wait_until(lambda: self.status(tenant, job)["device_ms"] > 0, lambda: self.status(tenant, job))
 
 
 def giants_for(seconds):

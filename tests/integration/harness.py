@@ -22,6 +22,8 @@ BIN = pathlib.Path(os.environ.get("VOXELD_BIN_DIR", ROOT / "build/dev/bin"))
 PROGRAM_FILE = pathlib.Path(os.environ.get("VOXELD_PROGRAM_FILE", BIN / "voxeld"))
 DATA = os.environ.get("VOXELD_DATA_DIR")
 START_SECONDS = 60
+# Time that ends a test which hangs. No test fails because a machine is slow, up to this.
+HANG_SECONDS = 120
 PIPELINES = ("raster", "compute", "cpu")
 # The pipelines of each device that needs no hardware.
 DEVICES = {"llvmpipe": PIPELINES, "lavapipe": PIPELINES, "osmesa": PIPELINES, "cpu": ("cpu",)}
@@ -36,6 +38,15 @@ def oracle(mesh, size, rule="touch"):
     out = subprocess.run([BIN / "voxeld_oracle", mesh, str(size), rule], check=True,
                          capture_output=True, text=True).stdout.split()
     return tuple(int(v) for v in out[1:4]), int(out[5]), out[6]
+
+
+def wait_until(condition, what, seconds=HANG_SECONDS):
+    """The first true value of condition(). what: text or object for the failure, or a function that gives it."""
+    deadline = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f"not within {seconds} s: {what() if callable(what) else what}"
+        time.sleep(0.02)
+    return value
 
 
 class Response:
@@ -130,7 +141,7 @@ class Daemon:
         line = self.process.stdout.readline()
         match = re.match(r"ready http://(?:[\d.]+|\[[\da-f:]+\]):(\d+) admin=http://127\.0\.0\.1:(\d+)", line)
         if not match:
-            self.process.wait(10)
+            self.process.wait(HANG_SECONDS)
             raise AssertionError(f"daemon did not start: {line!r}\n{self.log_tail()}")
         self.port, self.admin_port = int(match.group(1)), int(match.group(2))
         self.url = f"http://127.0.0.1:{self.port}"
@@ -155,7 +166,7 @@ class Daemon:
         other.key = key
         return other
 
-    def request(self, method, path, body=None, headers=None, port=None, timeout=120):
+    def request(self, method, path, body=None, headers=None, port=None, timeout=HANG_SECONDS):
         connection = http.client.HTTPConnection("127.0.0.1", port or self.port, timeout=timeout)
         headers = dict(headers or {})
         if self.key is not None:
@@ -191,7 +202,7 @@ class Daemon:
         assert response.status in (200, 202), response.body
         return response.json()["id"]
 
-    def wait(self, job, seconds=120):
+    def wait(self, job, seconds=HANG_SECONDS):
         deadline = time.monotonic() + seconds
         while True:
             status = self.get(f"/v1/jobs/{job}", headers={"Prefer": "wait=10"}).json()
@@ -199,7 +210,7 @@ class Daemon:
                 return status
             assert time.monotonic() < deadline, status
 
-    def wait_state(self, job, state, seconds=60):
+    def wait_state(self, job, state, seconds=HANG_SECONDS):
         deadline = time.monotonic() + seconds
         while True:
             status = self.get(f"/v1/jobs/{job}").json()
@@ -222,7 +233,7 @@ class Daemon:
 
     def kill_gateway(self):
         self.process.kill()
-        self.process.wait(10)
+        self.process.wait(HANG_SECONDS)
         self.process.stdout.close()
         self.log.close()
 
@@ -230,10 +241,10 @@ class Daemon:
         if self.process.poll() is None:
             self.process.terminate()
             try:
-                self.process.wait(30)
+                self.process.wait(HANG_SECONDS)
             except subprocess.TimeoutExpired:
                 self.process.kill()
-                self.process.wait(10)
+                self.process.wait(HANG_SECONDS)
                 raise AssertionError("daemon did not stop on SIGTERM\n" + self.log_tail())
         self.process.stdout.close()
         self.log.close()

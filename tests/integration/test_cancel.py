@@ -1,20 +1,13 @@
-"""A cancel takes effect within a moment, whatever the worker does; a worker that hangs holds up nobody."""
+"""A cancel ends a job in each stage. How soon is tested by long/test_cancel_times.py."""
 import io
-import os
 import random
-import signal
 import struct
 import time
 import unittest
 import zipfile
 import zlib
 
-from fairness_load import GIANT, SMALL, Contention
-from harness import DaemonTest
-
-# The promise is a quarter of a second (tests/bench/cancel.py measures it); before, a cancel took up to 10 s
-# and cost the worker.
-CANCEL_SECONDS_MAX = 3
+from harness import DaemonTest, wait_until
 
 
 def zipped(files, compression):
@@ -76,10 +69,12 @@ class CancelLoad:
         name, body, options, stage = self.cases[case]
         asset = daemon.post(f"/v1/assets?filename={name}", body).json()["id"]
         job = daemon.submit(kind="voxelize", asset=asset, options=options)
-        deadline = time.monotonic() + 60
-        while (status := daemon.get(f"/v1/jobs/{job}").json())["stage"] != stage:
-            assert time.monotonic() < deadline and not status["ended_ms"], status
-            time.sleep(0.01)
+
+        def is_in_stage():
+            status = daemon.get(f"/v1/jobs/{job}").json()
+            assert not status["ended_ms"], status
+            return status["stage"] == stage
+        wait_until(is_in_stage, f"stage {stage}")
         time.sleep(after_seconds)
         begin = time.monotonic()
         daemon.request("DELETE", f"/v1/jobs/{job}")
@@ -99,37 +94,9 @@ class Cancel(DaemonTest):
         load, before = CancelLoad(self.fixtures), self.worker()
         for case in load.cases:
             with self.subTest(case):
-                ms, status = load.cancel_ms(self.daemon, case, 0.2)
-                print(f"{case}: cancelled after {ms:.0f} ms")
+                _, status = load.cancel_ms(self.daemon, case, 0.2)
                 self.assertEqual(status["state"], "cancelled", status)
-                self.assertLess(ms, CANCEL_SECONDS_MAX * 1000)
                 self.assertEqual(self.worker(), before)
-
-
-class HungWorker(unittest.TestCase):
-    def test_its_slice_goes_to_others_and_it_continues_with_the_next(self):
-        with Contention({"a": 1, "b": 1}) as load:
-            giant = load.submit("a", GIANT)
-            load.wait_for_device("a", giant)
-            ready = load.daemon.request("GET", "/readyz", port=load.daemon.admin_port).json()
-            worker = next(worker["pid"] for worker in ready["workers"] if worker["task"] == giant)
-            os.kill(worker, signal.SIGSTOP)
-            try:
-                # A stopped worker is killed after 30 s; its time slice ends after 2.
-                begin = time.monotonic()
-                small = load.submit("b", SMALL)
-                status = load.tenants["b"].wait(small, 25)
-                self.assertEqual(status["state"], "done", status)
-                self.assertLess(time.monotonic() - begin, 20)
-                self.assertEqual(load.status("a", giant)["state"], "running")
-            finally:
-                os.kill(worker, signal.SIGCONT)
-            before = load.status("a", giant)["device_ms"]
-            deadline = time.monotonic() + 60
-            while (status := load.status("a", giant))["device_ms"] <= before:
-                self.assertLess(time.monotonic(), deadline, status)
-                time.sleep(0.05)
-            self.assertEqual((status["state"], status["attempt"]), ("running", 1))
 
 
 if __name__ == "__main__":

@@ -3,10 +3,10 @@ import os
 import shutil
 import signal
 import tempfile
-import time
 import unittest
 
-from harness import Daemon, DaemonTest
+from harness import HANG_SECONDS, Daemon, DaemonTest, wait_until
+from test_private_daemon import has_ended
 
 # Long enough on a software driver that a signal meets it in the middle.
 LONG = {"size": 1500, "channels": "occupancy,color,normal", "cache": "no"}
@@ -23,20 +23,24 @@ class WorkerKilled(DaemonTest):
         self.daemon.wait_state(job, "running")
         return job
 
+    def kill_worker_of(self, job):
+        def pid():
+            workers = self.daemon.request("GET", "/readyz", port=self.daemon.admin_port).json()["workers"]
+            return next((worker["pid"] for worker in workers if worker["connected"] and worker["task"] == job), None)
+        killed = wait_until(pid, f"a worker has {job}")
+        os.kill(killed, signal.SIGKILL)
+        return killed
+
     def wait_for_attempt(self, job, attempt):
-        deadline = time.monotonic() + 60
-        while time.monotonic() < deadline:
+        def is_reached():
             status = self.daemon.get(f"/v1/jobs/{job}").json()
-            if status["attempt"] >= attempt and status["state"] == "running":
-                return status
-            if status["state"] in ("done", "failed"):
-                return status
-            time.sleep(0.01)
-        self.fail(f"attempt {attempt} was not reached: {status}")
+            self.assertIn(status["state"], ("queued", "running"), status)
+            return status["attempt"] >= attempt and status["state"] == "running"
+        wait_until(is_reached, f"attempt {attempt}")
 
     def test_a_job_survives_the_death_of_its_worker(self):
         job = self.submit_and_wait_running(padding=1)
-        killed = self.daemon.kill_worker()
+        killed = self.kill_worker_of(job)
         self.assertEqual(self.daemon.get("/v1/jobs?limit=1").status, 200)  # it keeps responding
         status = self.daemon.wait(job, 300)
         self.assertEqual(status["state"], "done", status)
@@ -47,8 +51,8 @@ class WorkerKilled(DaemonTest):
         job = self.submit_and_wait_running(padding=2)
         for attempt in (1, 2, 3):
             self.wait_for_attempt(job, attempt)
-            self.daemon.kill_worker()
-        status = self.daemon.wait(job, 120)
+            self.kill_worker_of(job)
+        status = self.daemon.wait(job)
         self.assertEqual(status["state"], "failed", status)
         self.assertEqual(status["error"]["code"], "worker-crashed")
         self.assertIn("3", status["error"]["detail"])
@@ -74,10 +78,7 @@ class GatewayKilled(DaemonTest):
             daemon.wait_state(jobs[0], "running")
             worker = daemon.worker_pid()
             daemon.kill_gateway()
-            deadline = time.monotonic() + 10
-            while time.monotonic() < deadline and os.path.exists(f"/proc/{worker}"):
-                time.sleep(0.05)
-            self.assertFalse(os.path.exists(f"/proc/{worker}"), "the worker outlived the gateway")
+            wait_until(lambda: has_ended(worker), "the worker ends with the gateway")
             daemon.start()
             for job in jobs:
                 self.assertEqual(daemon.wait(job, 300)["state"], "done")
@@ -93,7 +94,7 @@ class GatewayKilled(DaemonTest):
         daemon = Daemon()
         worker = daemon.worker_pid()
         daemon.process.send_signal(signal.SIGTERM)
-        self.assertEqual(daemon.process.wait(30), 0)
+        self.assertEqual(daemon.process.wait(HANG_SECONDS), 0)
         self.assertFalse(os.path.exists(f"/proc/{worker}"))
         daemon.stop()
 

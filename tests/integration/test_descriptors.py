@@ -10,11 +10,12 @@ import threading
 import time
 import unittest
 
-from harness import BIN, Daemon, make_fixtures
+from harness import BIN, HANG_SECONDS, Daemon, make_fixtures, wait_until
 
 LIMIT = 256
 CLIENTS = 1000
 JOBS = 12
+OWN_LIMIT = 2 * CLIENTS + 200  # of this process
 
 
 class Crowd:
@@ -75,7 +76,9 @@ class Crowd:
 class FewDescriptors(unittest.TestCase):
     def setUp(self):
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, 2 * CLIENTS + 200), hard))
+        if hard != resource.RLIM_INFINITY and hard < OWN_LIMIT:
+            self.skipTest(f"the clients need {OWN_LIMIT} open files, and this user may have {hard} (ulimit -Hn)")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (OWN_LIMIT, hard))
         self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
         self.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
         self.addCleanup(shutil.rmtree, self.fixtures)
@@ -87,7 +90,7 @@ class FewDescriptors(unittest.TestCase):
 
     def asked(self, ask):
         """The result of ask(), once the daemon accepts a connection of this client."""
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + HANG_SECONDS
         while True:
             try:
                 return ask()
@@ -102,7 +105,7 @@ class FewDescriptors(unittest.TestCase):
                                           options={"dims": [200] * 3, "format": "npy"}))
         crowd = Crowd(daemon.port, f"/v1/jobs/{large['id']}/result")
         self.addCleanup(crowd.close)
-        time.sleep(1)
+        wait_until(lambda: crowd.refused > CLIENTS // 2, "the crowd takes all connections")
         jobs = [self.asked(lambda n=n: daemon.submit(
             kind="voxelize", asset=asset,
             options={"size": 20 + n, "animation": "walk", "frames": "0..5", "cache": "no", "format": "npz"}))
@@ -123,12 +126,12 @@ class FewDescriptors(unittest.TestCase):
         for sign in ("Too many open files", "errno=24", "unable to open database", "state=failed", "status=500"):
             self.assertNotIn(sign, text)
         self.assertRegex(text, r"limit on open files is too low .*limit=256 connections=\d\d ")
-        self.assertGreater(crowd.refused, CLIENTS // 2)
 
     def test_so_few_that_nothing_would_work_are_refused_at_the_start(self):
         refused = subprocess.run(["/bin/sh", "-c", 'ulimit -n 100 && exec "$0" "$@"', BIN / "voxeld", "serve",
                                   "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0", "--device", "cpu",
-                                  "--data", self.fixtures / "data"], capture_output=True, text=True, timeout=60)
+                                  "--data", self.fixtures / "data"], capture_output=True, text=True,
+                                 timeout=HANG_SECONDS)
         self.assertEqual(refused.returncode, 1)
         self.assertIn("limit on open files (ulimit -n): expected at least", refused.stderr)
 

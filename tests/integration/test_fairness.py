@@ -1,20 +1,11 @@
-"""Tenants share a device by their weights, and nobody's giant job keeps others out. The long form, which
-measures, is tests/bench/fairness.py."""
-import http.client
-import time
+"""Nobody's giant job keeps others out. Shares by weight are tested with an injected clock in
+tests/unit/jobs/scheduling/time_slices_test.cpp, with a daemon in long/test_fairness_times.py; tests/bench/fairness.py
+measures them."""
+import re
 import unittest
 
-from fairness_load import GIANT, SMALL, Contention, shares
-
-
-class Shares(unittest.TestCase):
-    def test_tenants_with_giant_jobs_have_the_device_by_their_weights(self):
-        weights = {"one": 1, "two": 2, "four": 4}
-        had = shares(weights, seconds=5)
-        total = sum(had.values())
-        for name, weight in weights.items():
-            # Turns are 50 ms and more; on a busy machine single ones are much longer.
-            self.assertAlmostEqual(had[name] / total, weight / 7, delta=0.08, msg=str(had))
+from fairness_load import GIANT, SMALL, Contention
+from harness import wait_until
 
 
 class Contended(unittest.TestCase):
@@ -32,54 +23,50 @@ class Contended(unittest.TestCase):
         daemon = self.load.daemon
         return daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
 
-    def wait_for(self, condition, seconds=30):
-        deadline = time.monotonic() + seconds
-        while not condition():
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.02)
-
     def test_a_small_job_ends_while_anothers_giants_run_and_wait(self):
         for _ in range(3):
             job = self.load.submit("b", SMALL)
-            status = self.load.tenants["b"].wait(job, 60)
+            status = self.load.tenants["b"].wait(job)
             self.assertEqual(status["state"], "done", status)
         states = [self.load.status("a", job)["state"] for job in self.giants]
         self.assertEqual(states.count("done"), 0, states)
         self.assertEqual(states.count("queued"), 1, states)  # the last worker is not theirs
 
     def test_the_workers_of_a_device_are_distinguished(self):
-        self.wait_for(lambda: len(self.workers()) == 4)  # one of them in reserve
-        workers = self.workers()
-        self.assertEqual([worker["slot"] for worker in workers], [0, 1, 2, 3])
+        def of_all_slots():
+            workers = self.workers()
+            return workers if [worker["slot"] for worker in workers] == [0, 1, 2, 3] else None
+        workers = wait_until(of_all_slots, self.workers)  # one of them in reserve
         self.assertEqual(len({worker["pid"] for worker in workers}), 4)
         self.assertEqual({worker["device"] for worker in workers}, {"cpu"})
 
     def test_a_waiting_job_reports_its_resource(self):
-        self.wait_for(lambda: "running" in [self.load.status("a", self.giants[1])["state"]])
+        def second():
+            return self.load.status("a", self.giants[1])
+        wait_until(lambda: second()["state"] == "running", second)
         self.assertEqual(self.load.status("a", self.giants[2])["waiting_for"], "a worker")
-        self.wait_for(lambda: self.load.status("a", self.giants[1])["waiting_for"]
-                      == "a time slice on cpu: another job of the tenant before")
+        wait_until(lambda: second()["waiting_for"] == "a time slice on cpu: another job of the tenant before", second)
 
     def test_a_cancel_reaches_a_job_that_waits_for_its_slice(self):
         self.load.wait_for_device("a", self.giants[0])
         job = self.load.submit("b", GIANT)
         self.load.wait_for_device("b", job)
         self.load.cancel("b", job)
-        started = time.monotonic()
         self.assertEqual(self.load.tenants["b"].wait(job)["state"], "cancelled")
-        self.assertLess(time.monotonic() - started, 10)
 
     def test_a_deadline_ends_a_job_in_the_queue_and_one_at_work(self):
         queued = self.load.submit("a", GIANT, deadline_ms=300, priority=-5)
         status = self.load.tenants["a"].wait(queued)
         self.assertEqual((status["state"], status["error"]["code"], status["attempt"]),
                          ("failed", "deadline-exceeded", 0))
-        running = self.load.submit("b", GIANT, deadline_ms=1500)
-        status = self.load.tenants["b"].wait(running)
-        self.assertEqual((status["state"], status["error"]["code"]),
-                         ("failed", "deadline-exceeded"), status)
+        for deadline_ms in (1500, 6000, 24000):  # the first that a busy machine starts the job within
+            running = self.load.submit("b", GIANT, deadline_ms=deadline_ms)
+            status = self.load.tenants["b"].wait(running)
+            self.assertEqual((status["state"], status["error"]["code"]), ("failed", "deadline-exceeded"), status)
+            self.assertGreaterEqual(status["ended_ms"] - status["created_ms"], deadline_ms)
+            if status["attempt"] > 0:
+                break
         self.assertEqual(status["attempt"], 1)
-        self.assertLess(status["ended_ms"] - status["created_ms"], 10_000)
 
     def test_one_shot_requests_take_a_priority_and_a_deadline(self):
         b = self.load.tenants["b"]
@@ -97,13 +84,14 @@ class Contended(unittest.TestCase):
 
     def test_device_time_of_each_tenant_is_measured(self):
         self.load.tenants["b"].wait(self.load.submit("b", SMALL))
-        connection = http.client.HTTPConnection("127.0.0.1", self.load.daemon.admin_port)
-        connection.request("GET", "/metrics")
-        text = connection.getresponse().read().decode()
-        connection.close()
-        self.assertRegex(text, r'voxeld_device_seconds_total\{device="cpu",tenant="a"\} [1-9.]')
-        self.assertRegex(text, r'voxeld_queue_wait_seconds_count\{tenant="b"\} [1-9]')
-        self.assertRegex(text, r'voxeld_time_slice_seconds_bucket\{device="cpu",le="0.25"\} [1-9]')
+        daemon = self.load.daemon
+        text = daemon.request("GET", "/metrics", port=daemon.admin_port).body.decode()
+        for series in ('voxeld_device_seconds_total{device="cpu",tenant="a"}',
+                       'voxeld_queue_wait_seconds_count{tenant="b"}',
+                       'voxeld_time_slice_seconds_count{device="cpu"}'):
+            value = re.search("^" + re.escape(series) + " (.*)$", text, re.M)
+            self.assertTrue(value and float(value[1]) > 0, series)
+        self.assertIn('voxeld_time_slice_seconds_bucket{device="cpu",le="0.25"} ', text)
 
 
 class Memory(unittest.TestCase):
@@ -122,8 +110,11 @@ class Fifo(unittest.TestCase):
             giant = load.submit("a", GIANT)
             load.wait_for_device("a", giant)
             urgent = load.submit("b", SMALL, priority=100)
-            time.sleep(1)
+            # Twice as long as a job works before it may be preempted.
+            enough_ms = load.status("a", giant)["device_ms"] + 2000
+            wait_until(lambda: load.status("a", giant)["device_ms"] > enough_ms, lambda: load.status("a", giant))
             self.assertEqual(load.status("b", urgent)["state"], "queued")
+            self.assertEqual(load.status("a", giant)["preempted"], 0)
             load.cancel("a", giant)
             self.assertEqual(load.tenants["b"].wait(urgent)["state"], "done")
 

@@ -4,10 +4,9 @@ import re
 import shutil
 import subprocess
 import tempfile
-import time
 import unittest
 
-from harness import BIN, Daemon, DaemonTest
+from harness import BIN, Daemon, DaemonTest, wait_until
 
 TRACE = "4bf92f3577b34da6a3ce929d0e0e4736"
 PARENT = f"00-{TRACE}-00f067aa0ba902b7-01"
@@ -78,12 +77,12 @@ class Observability(DaemonTest):
         self.assertEqual(self.daemon.wait(job)["state"], "done")
         bad = self.daemon.post("/v1/voxelize?filename=a.ply", b"ply\nnonsense")
         self.assertEqual(bad.status, 422)
-        # A response may come a moment before it is counted.
-        deadline = time.monotonic() + 10
-        samples = self.metrics()
-        while (not any(labels.get("outcome") == "failed" for labels, _ in samples["voxeld_jobs_total"])
-               and time.monotonic() < deadline):
+
+        def counted():
             samples = self.metrics()
+            outcomes = {labels.get("outcome") for labels, _ in samples.get("voxeld_jobs_total", [])}
+            return samples if {"done", "failed"} <= outcomes else None
+        samples = wait_until(counted, "both jobs are counted")  # a moment after the responses
         self.assertGreaterEqual(
             self.value(samples, "voxeld_jobs_total", tenant="", kind="voxelize", outcome="done"), 1)
         self.assertGreaterEqual(
@@ -108,15 +107,13 @@ class Observability(DaemonTest):
         try:
             lab = daemon.holding(re.search(r"vxk_\S+", made)[0])
             lab.upload(self.fixtures / "sample.ply")
-            # The response may come a moment before it is counted.
-            deadline = time.monotonic() + 10
-            counted = []
-            while not counted and time.monotonic() < deadline:
-                samples = parse_metrics(
-                    daemon.request("GET", "/metrics", port=daemon.admin_port).body.decode())
-                counted = [value for labels, value in samples.get("voxeld_http_bytes_total", [])
-                           if labels == {"direction": "in", "tenant": "lab"}]
-            self.assertEqual(counted, [(self.fixtures / "sample.ply").stat().st_size])
+
+            def counted():
+                samples = parse_metrics(daemon.request("GET", "/metrics", port=daemon.admin_port).body.decode())
+                return [value for labels, value in samples.get("voxeld_http_bytes_total", [])
+                        if labels == {"direction": "in", "tenant": "lab"}]
+            bytes_in = wait_until(counted, "the upload is counted")  # a moment after its response
+            self.assertEqual(bytes_in, [(self.fixtures / "sample.ply").stat().st_size])
         finally:
             daemon.stop()
             shutil.rmtree(data, ignore_errors=True)
@@ -127,9 +124,7 @@ class Observability(DaemonTest):
             return self.metrics().get("voxeld_worker_restarts_total", [({}, 0)])[0][1]
         before = restarts()
         self.daemon.kill_worker()
-        deadline = time.monotonic() + 30
-        while restarts() == before and time.monotonic() < deadline:
-            time.sleep(0.05)
+        wait_until(lambda: restarts() != before, "the restart is counted")
         samples = self.metrics()
         self.assertEqual(
             self.value(samples, "voxeld_worker_restarts_total", device="llvmpipe"), before + 1)
@@ -148,12 +143,13 @@ class Observability(DaemonTest):
         self.assertEqual(self.daemon.wait(job)["state"], "done")
         # One job from the request to the worker and back.
         for text in ("job submitted", "job starts", "task done", "job ended"):
-            lines = self.log_lines(text, job)
+            lines = wait_until(lambda text=text: self.log_lines(text, job), f"the line of {text}")
             self.assertEqual(len(lines), 1, (text, lines))
             self.assertIn(f"trace={TRACE}", lines[0])
             self.assertIn("request=order-66", lines[0])
         self.assertTrue(self.log_lines("[worker llvmpipe]", f"trace={TRACE}"))
-        self.assertEqual(len(self.log_lines("] request id=order-66", f"trace={TRACE}")), 1)
+        lines = wait_until(lambda: self.log_lines("] request id=order-66", f"trace={TRACE}"), "the line of the request")
+        self.assertEqual(len(lines), 1, lines)
 
     def test_an_invalid_traceparent_starts_a_new_trace(self):
         for header in ("", "00-" + "0" * 32 + "-00f067aa0ba902b7-01", PARENT.upper(), PARENT + "-x",

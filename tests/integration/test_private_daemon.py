@@ -13,7 +13,8 @@ import tempfile
 import time
 import unittest
 
-from harness import BIN, make_fixtures
+from fairness_load import LONG
+from harness import BIN, HANG_SECONDS, Daemon, make_fixtures, wait_until
 
 DEFAULT_PORT = 8080
 LIBRARIES = BIN.parent / "lib"
@@ -22,17 +23,9 @@ LIBRARIES = BIN.parent / "lib"
 def has_ended(pid):
     try:
         state = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except FileNotFoundError:
+    except (FileNotFoundError, ProcessLookupError):
         return True
     return state == "Z"
-
-
-def wait_until(condition, seconds=20):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > deadline:
-            raise AssertionError("waited in vain")
-        time.sleep(0.02)
 
 
 class PrivateDaemon(unittest.TestCase):
@@ -58,7 +51,7 @@ class PrivateDaemon(unittest.TestCase):
         for pid in self.daemons():
             with contextlib.suppress(ProcessLookupError):  # one may end by itself just now
                 os.kill(pid, signal.SIGTERM)
-            wait_until(lambda pid=pid: has_ended(pid))
+            wait_until(lambda pid=pid: has_ended(pid), f"daemon {pid} ends")
         shutil.rmtree(self.dir, ignore_errors=True)
 
     def daemons(self):
@@ -77,7 +70,7 @@ class PrivateDaemon(unittest.TestCase):
         return [str(word) for word in (BIN / "voxel", *arguments)]
 
     def voxel(self, *arguments, environment=None):
-        return subprocess.run(self.command(*arguments), capture_output=True, text=True, timeout=120,
+        return subprocess.run(self.command(*arguments), capture_output=True, text=True, timeout=HANG_SECONDS,
                               stdin=subprocess.DEVNULL, env={**self.environment, **(environment or {})})
 
     def voxelize(self, *arguments, name="a.vox"):
@@ -106,7 +99,7 @@ class PrivateDaemon(unittest.TestCase):
         host, port = self.address()["url"].removeprefix("http://").split(":")
         self.assertEqual(host, "127.0.0.1")
         for headers in ({}, {"Authorization": "Bearer vxk_aaaaaaaa_" + "a" * 52}):
-            connection = http.client.HTTPConnection(host, int(port), timeout=10)
+            connection = http.client.HTTPConnection(host, int(port), timeout=HANG_SECONDS)
             connection.request("GET", "/v1/jobs", headers=headers)
             self.assertEqual(connection.getresponse().status, 401)
             connection.close()
@@ -115,7 +108,7 @@ class PrivateDaemon(unittest.TestCase):
         self.voxelize("--local")
         killed = self.address()["pid"]
         os.kill(killed, signal.SIGKILL)
-        wait_until(lambda: has_ended(killed))
+        wait_until(lambda: has_ended(killed), "the killed daemon is gone")
         self.voxelize("--local")
         self.assertNotEqual(self.address()["pid"], killed)
 
@@ -141,7 +134,7 @@ class PrivateDaemon(unittest.TestCase):
                                   env=self.environment, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)
                  for i in range(4)]
         for call in calls:
-            error = call.communicate(timeout=120)[1]
+            error = call.communicate(timeout=HANG_SECONDS)[1]
             self.assertEqual(call.returncode, 0, error)
         self.assertEqual(self.daemons(), [self.address()["pid"]])
 
@@ -205,56 +198,69 @@ class PrivateDaemon(unittest.TestCase):
         self.voxelize("--local", "--format", "vox")
         self.voxel(self.mesh, "--local", "-o", self.dir / "a.voxg", "--size", 16)
         os.kill(self.address()["pid"], signal.SIGTERM)
-        wait_until(lambda: not self.daemons())
+        wait_until(lambda: not self.daemons(), "the daemon ends")
         self.assertEqual(self.voxel("info", self.dir / "a.voxg").returncode, 0)
         self.assertEqual(self.daemons(), [])
 
 
-class IdleDaemon(unittest.TestCase):
+class IdleDaemonTest(unittest.TestCase):
     """voxeld serve --address-file --exit-when-idle --admin-listen none."""
 
     def setUp(self):
         self.dir = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-idle-"))
+        self.addCleanup(shutil.rmtree, self.dir, ignore_errors=True)
+        self.data = self.dir / "data"
         self.file = self.dir / "address"
-
-    def tearDown(self):
-        self.process.kill()
-        self.process.communicate()
-        shutil.rmtree(self.dir, ignore_errors=True)
 
     def start(self, seconds):
         self.process = subprocess.Popen(
             [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "none", "--device", "cpu",
-             "--data", self.dir / "data", "--address-file", self.file, "--exit-when-idle", str(seconds)],
+             "--data", self.data, "--address-file", self.file, "--exit-when-idle", str(seconds)],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL, text=True)
+        self.addCleanup(self.process.communicate)
+        self.addCleanup(self.process.kill)
         self.ready = self.process.stdout.readline()
         self.address = json.loads(self.file.read_text())
 
-    def get(self, path):
-        connection = http.client.HTTPConnection(self.address["url"].removeprefix("http://"), timeout=30)
-        connection.request("GET", path)
+    def request(self, method, path):
+        connection = http.client.HTTPConnection(self.address["url"].removeprefix("http://"), timeout=HANG_SECONDS)
+        self.addCleanup(connection.close)
+        connection.request(method, path)
         response = connection.getresponse()
-        response.read()
+        body = response.read()
         connection.close()
-        return response.status
+        return response.status, body
 
+    def assert_ends(self):
+        self.assertEqual(self.process.wait(HANG_SECONDS), 0)
+        self.assertFalse(self.file.exists())
+
+
+class IdleDaemon(IdleDaemonTest):
     def test_address_file_has_url_and_pid_while_it_serves(self):
         self.start(0)
         self.assertEqual(self.address["pid"], self.process.pid)
         self.assertEqual(self.ready, f"ready {self.address['url']} admin=none device=cpu\n")
         self.assertEqual(stat.S_IMODE(self.file.stat().st_mode), 0o600)
-        self.assertEqual(self.get("/v1/jobs"), 200)
+        self.assertEqual(self.request("GET", "/v1/jobs")[0], 200)
         self.process.terminate()
-        self.assertEqual(self.process.wait(20), 0)
-        self.assertFalse(self.file.exists())
+        self.assert_ends()
 
-    def test_it_ends_when_idle_and_not_before(self):
-        self.start(1.5)
-        for _ in range(6):
-            time.sleep(0.5)
-            self.assertEqual(self.get("/v1/jobs"), 200)
-        self.assertEqual(self.process.wait(20), 0)
-        self.assertFalse(self.file.exists())
+    def test_it_ends_when_idle_and_not_while_there_are_jobs(self):
+        make_fixtures(self.dir / "fixtures")
+        first = Daemon(device="cpu", data_dir=str(self.data))
+        self.addCleanup(first.process.kill)
+        asset = first.upload(self.dir / "fixtures/sample.ply")
+        jobs = [first.submit(kind="voxelize", asset=asset, options=LONG) for _ in range(4)]
+        first.wait_state(jobs[0], "running")
+        first.kill_gateway()
+        self.start(1)  # it has jobs from the start
+        time.sleep(3)
+        last = json.loads(self.request("GET", f"/v1/jobs/{jobs[-1]}")[1])
+        self.assertIn(last["state"], ("queued", "running"))
+        for job in jobs:
+            self.request("DELETE", f"/v1/jobs/{job}")
+        self.assert_ends()
 
 
 if __name__ == "__main__":

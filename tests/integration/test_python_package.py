@@ -16,8 +16,8 @@ import unittest.mock
 import yaml
 
 import python_package
-from harness import BIN, ROOT, DaemonTest, make_fixtures
-from test_private_daemon import DEFAULT_PORT, has_ended, wait_until
+from harness import BIN, ROOT, DaemonTest, make_fixtures, wait_until
+from test_private_daemon import DEFAULT_PORT, has_ended
 
 import voxeld
 from voxeld import _server, options
@@ -55,7 +55,7 @@ class Servers(unittest.TestCase):
         for pid in self.daemons():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGTERM)
-            wait_until(lambda pid=pid: has_ended(pid))
+            wait_until(lambda pid=pid: has_ended(pid), f"daemon {pid} ends")
         shutil.rmtree(self.dir, ignore_errors=True)
 
     def daemons(self):

@@ -8,12 +8,9 @@ import tempfile
 import time
 import unittest
 
-from harness import BIN, Daemon, DaemonTest
+from harness import BIN, HANG_SECONDS, Daemon, DaemonTest, wait_until
 
 DATABASE = ("jobs.sqlite", "jobs.sqlite-wal", "jobs.sqlite-shm")
-# The daemon looks for files that nothing names within a second of its start, which takes seconds on
-# a busy machine.
-START_SECONDS = 20
 
 
 class Recovery(DaemonTest):
@@ -50,16 +47,16 @@ class Recovery(DaemonTest):
             pathlib.Path(self.data, name).unlink(missing_ok=True)
 
     def start_fails(self, *arguments):
-        """The error text of a start that fails. A daemon that starts instead runs until it has looked for orphans."""
+        """The error text of a start that fails. A daemon that starts instead has looked for orphans by its end."""
         process = subprocess.Popen(
             [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0", "--data",
              self.data, "--device", "cpu", *arguments],
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
-            _, text = process.communicate(timeout=START_SECONDS)
+            _, text = process.communicate(timeout=HANG_SECONDS)
         except subprocess.TimeoutExpired:
             process.terminate()
-            _, text = process.communicate(timeout=30)
+            _, text = process.communicate(timeout=HANG_SECONDS)
             self.fail(f"it started, and of {self.files_before} files {len(self.files())} are left\n{text}")
         self.assertEqual(process.returncode, 1, text)
         return text.splitlines()[-1]
@@ -78,12 +75,6 @@ class Recovery(DaemonTest):
                               capture_output=True, text=True)
         self.assertEqual(done.stderr, "")
         return done.returncode, json.loads(done.stdout)
-
-    def wait_for(self, condition):
-        deadline = time.monotonic() + 30
-        while not condition():
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.1)
 
 
 class Refused(Recovery):
@@ -149,7 +140,7 @@ class Adopted(Recovery):
         os.replace(self.data + "/old", self.data + "/jobs.sqlite")
         daemon.arguments = ["--adopt"]
         daemon.start()
-        self.wait_for(lambda: later in self.files("quarantine"))
+        wait_until(lambda: later in self.files("quarantine"), lambda: self.files("quarantine"))
         self.assertEqual(daemon.get("/v1/assets/" + later).status, 404)
         self.assertEqual(daemon.get("/v1/grids/" + made["grid"]).status, 200)
         daemon.stop()
@@ -170,13 +161,13 @@ class Adopted(Recovery):
         self.remove_database()
         daemon.arguments = ["--adopt"]
         daemon.start()
-        self.wait_for(lambda: made["asset"] in self.files("quarantine"))
+        wait_until(lambda: made["asset"] in self.files("quarantine"), lambda: self.files("quarantine"))
         self.assertEqual(daemon.upload(self.fixtures / "sample.ply"), made["asset"])
         daemon.stop()
         daemon.arguments = []
         daemon.start()
         self.assertEqual(daemon.get("/v1/assets/" + made["asset"]).status, 200)
-        self.wait_for(lambda: made["asset"] not in self.files("quarantine"))
+        wait_until(lambda: made["asset"] not in self.files("quarantine"), lambda: self.files("quarantine"))
         self.assertIn(made["grid"], self.files("quarantine"))
 
     def test_quarantine_ends_after_its_days(self):
@@ -190,7 +181,7 @@ class Adopted(Recovery):
             folder.mkdir(parents=True)
             (folder / name).write_bytes(b"x")
         daemon.start()
-        self.wait_for(lambda: self.files("quarantine") == {recent})
+        wait_until(lambda: self.files("quarantine") == {recent}, lambda: self.files("quarantine"))
 
 
 class Rebuilt(Recovery):

@@ -30,6 +30,7 @@ def status_of(pid):
     return {name: value.strip() for name, value in (line.split(":", 1) for line in lines)}
 
 
+@unittest.skipUnless(os.geteuid() == 0, "needs root, to give up capabilities and run as nobody")
 class Service(unittest.TestCase):
     def setUp(self):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-service-"))

@@ -1,17 +1,14 @@
-"""Retention of stored data, and behaviour with a full or damaged disk."""
+"""Limits of stored data, and behaviour with a full or damaged disk. Ages are tested by long/test_storage_times.py, and
+with a clock of the test's own by tests/unit/jobs/retention/store_sweep_test.cpp."""
 import json
 import os
 import pathlib
 import shutil
 import subprocess
 import tempfile
-import time
 import unittest
 
-from harness import BIN, Daemon, DaemonTest
-
-# A sweep looks at ages every ten seconds: the first one notes them, a later one acts on them.
-SWEEP_SECONDS_MAX = 60
+from harness import BIN, Daemon, DaemonTest, wait_until
 
 
 class Storage(DaemonTest):
@@ -29,25 +26,13 @@ class Storage(DaemonTest):
         self.assertEqual(daemon.wait(job)["state"], "done")
         return job
 
-    def wait_status(self, daemon, path, status):
-        deadline = time.monotonic() + SWEEP_SECONDS_MAX
-        while True:
-            response = daemon.get(path)
-            if response.status == status:
-                return response
-            self.assertLess(time.monotonic(), deadline, f"{path}: {response.status}")
-            time.sleep(0.2)
-
     def metric(self, daemon, name):
         text = daemon.request("GET", "/metrics", port=daemon.admin_port).body.decode()
         return sum(float(line.split()[-1]) for line in text.splitlines()
                    if line.startswith(name) and not line.startswith("#"))
 
     def wait_evictions(self, daemon, count):
-        deadline = time.monotonic() + SWEEP_SECONDS_MAX
-        while self.metric(daemon, "voxeld_evictions_total") < count:
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.2)
+        wait_until(lambda: self.metric(daemon, "voxeld_evictions_total") >= count, f"{count} evictions")
 
     def doctor(self, daemon):
         done = subprocess.run([BIN / "voxeld", "doctor", "--store", "--json", "--data", daemon.data_dir],
@@ -68,44 +53,20 @@ class Limits(Storage):
         self.assertIn("submit the job again", problem["detail"])
         self.assertEqual(daemon.get(f"/v1/jobs/{jobs[0]}").status, 200)
         self.assertEqual(daemon.get(f"/v1/jobs/{jobs[-1]}/result").status, 200)
-        deadline = time.monotonic() + SWEEP_SECONDS_MAX
-        while self.metric(daemon, "voxeld_store_bytes") > 900 << 10:
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.2)
+        wait_until(lambda: self.metric(daemon, "voxeld_store_bytes") <= 900 << 10, "the store is within its limit")
         self.assertEqual(daemon.get(f"/v1/jobs/{self.voxelize(daemon, 40)}/result").status, 200)
 
     def test_assets_alone_over_the_limit_refuse_uploads_until_one_is_deleted(self):
         daemon = self.start("--store-bytes-max", "100K")
         asset = daemon.post("/v1/assets?filename=a.obj", b"#" * 200_000).json()["id"]
-        deadline = time.monotonic() + SWEEP_SECONDS_MAX
-        while True:
+
+        def refused():
             response = daemon.post("/v1/assets?filename=b.obj", os.urandom(100))
-            if response.status == 507:
-                break
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.1)
+            return response if response.status != 201 else None
+        response = wait_until(refused, "an upload is refused")
         self.assert_problem(response, 507, "storage-full", "delete assets")
         self.assertEqual(daemon.request("DELETE", "/v1/assets/" + asset).status, 204)
-        while daemon.post("/v1/assets?filename=b.obj", b"# small").status != 201:
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.1)
-
-    def test_unused_results_and_assets_expire(self):
-        daemon = self.start("--keep-results-days", "0.00002", "--keep-assets-days", "0.00002")
-        job = self.voxelize(daemon, 20)
-        status = daemon.get(f"/v1/jobs/{job}").json()
-        self.wait_evictions(daemon, 2)
-        self.assert_problem(daemon.get(f"/v1/jobs/{job}/result"), 410, "gone", "expired")
-        self.assertEqual(daemon.get("/v1/assets/" + status["asset"]).status, 410)
-        self.assertEqual(daemon.get("/v1/grids/" + status["result"]["grid"]).status, 410)
-        code, report = self.doctor(daemon)
-        self.assertEqual((code, report["blobs"]), (0, 0), report)
-
-    def test_jobs_are_forgotten(self):
-        daemon = self.start("--keep-jobs-days", "0.00002")
-        job = self.voxelize(daemon, 20)
-        self.wait_status(daemon, f"/v1/jobs/{job}", 404)
-        self.assertEqual(daemon.get("/v1/jobs").json()["jobs"], [])
+        wait_until(lambda: daemon.post("/v1/assets?filename=b.obj", b"# small").status == 201, "an upload is accepted")
 
 
 class Damage(Storage):
@@ -137,7 +98,7 @@ class Damage(Storage):
         self.assertEqual(self.doctor(daemon)[0], 0)
 
 
-class FullDisk(Storage):
+class FullDiskTest(Storage):
     """A small file system of its own."""
 
     def setUp(self):
@@ -214,10 +175,7 @@ class FullDisk(Storage):
         return daemon.request("GET", "/readyz", port=daemon.admin_port)
 
     def wait_ready(self, daemon, status):
-        deadline = time.monotonic() + SWEEP_SECONDS_MAX
-        while self.ready(daemon).status != status:
-            self.assertLess(time.monotonic(), deadline, self.ready(daemon).body)
-            time.sleep(0.1)
+        wait_until(lambda: self.ready(daemon).status == status, lambda: self.ready(daemon).body)
 
     def tenants(self, *arguments):
         data = self.disk + "/data"
@@ -236,15 +194,22 @@ class FullDisk(Storage):
             return "refused", None
         return daemon.wait(response.json()["id"])["state"], response.json()["id"]
 
+    def run_jobs_until_one_fails(self, daemon, asset, sizes):
+        """How that one ended. Every size gives other bytes, since equal ones would be stored once."""
+        for size in sizes:
+            state, job = self.run_job(daemon, asset, size)
+            if state != "done":
+                return state, job
+        self.fail(f"jobs of {sizes} did not fill the disk")
+
+
+class FullDisk(FullDiskTest):
     def test_outputs_of_one_tenant_leave_the_reserve_and_others_can_delete(self):
         daemon, greedy, modest = self.tenants()
         mine = [modest.post("/v1/assets?filename=a.obj", self.mesh(1)).json()["id"] for _ in range(3)]
         asset = greedy.upload(self.fixtures / "sample.ply")
         reserve = (64 << 20) // 20
-        for size in range(200, 260):  # 8 to 17 MB each
-            state, job = self.run_job(greedy, asset, size)
-            if state != "done":
-                break
+        state, job = self.run_jobs_until_one_fails(greedy, asset, range(200, 260))  # 8 to 17 MB each
         self.assertEqual(state, "failed")
         error = greedy.get(f"/v1/jobs/{job}").json()["error"]
         self.assertEqual(error["code"], "storage-full", error)
@@ -252,10 +217,8 @@ class FullDisk(Storage):
         self.assertRegex(error["detail"], "the disk is nearly full; uploads and results are refused"
                                           "|write file: No space left on device")
         # Failed outputs are removed; small ones take the rest of the disk, except for the reserve.
-        while self.run_job(greedy, asset, 100)[0] == "done":
-            pass
-        while self.run_job(greedy, asset, 40)[0] == "done":
-            pass
+        self.run_jobs_until_one_fails(greedy, asset, range(100, 160))  # 1 to 4 MB each
+        self.run_jobs_until_one_fails(greedy, asset, range(40, 100))
         self.assertGreater(self.free_bytes(), reserve // 2)
         # The ballast is there, or there again, although failed outputs had filled the disk.
         self.assertGreater(self.ballast_bytes(), 0)
@@ -278,8 +241,7 @@ class FullDisk(Storage):
         asset = daemon.upload(self.fixtures / "sample.ply")
         running = daemon.submit(kind="voxelize", asset=asset,
                                 options={"size": 16384, "channels": "occupancy", "cache": "no"})
-        while daemon.get(f"/v1/jobs/{running}").json()["state"] != "running":
-            time.sleep(0.02)
+        daemon.wait_state(running, "running")
         # Rows of some 90 KB each, which have to be written anew.
         queued = [daemon.submit(kind="voxelize", asset=asset, options={
             "size": 8, "animation": "0", "times": [(k + i) / 3e6 for k in range(4096)]}) for i in range(20)]
@@ -292,20 +254,6 @@ class FullDisk(Storage):
         # The mesh has no animation: its job fails, and that is stored, too.
         status = daemon.wait(doomed)
         self.assertEqual((status["state"], status["error"]["code"]), ("failed", "invalid-option"), status)
-
-    def test_on_a_full_disk_results_are_evicted(self):
-        daemon, greedy, _ = self.tenants("--keep-results-days", "0.00002", "--disk-reserve", "0")
-        asset = greedy.upload(self.fixtures / "sample.ply")
-        state, job = self.run_job(greedy, asset, 200)
-        self.assertEqual(state, "done")
-        result_bytes = len(greedy.get(f"/v1/jobs/{job}/result").body)
-        self.take_the_rest()
-        self.wait_evictions(daemon, 1)  # to ask for the result would be a use
-        self.assertEqual(greedy.get(f"/v1/jobs/{job}/result").status, 410)
-        deadline = time.monotonic() + SWEEP_SECONDS_MAX
-        while self.free_bytes() + self.ballast_bytes() < result_bytes:  # the ballast comes back first
-            self.assertLess(time.monotonic(), deadline, (self.free_bytes(), self.ballast_bytes()))
-            time.sleep(0.1)
 
     def test_a_job_that_writes_more_than_one_worker_may_fails_alone(self):
         daemon = self.start("--worker-scratch-max", "2M", data_dir=self.disk + "/data")

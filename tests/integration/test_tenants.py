@@ -5,10 +5,9 @@ import re
 import shutil
 import subprocess
 import tempfile
-import time
 import unittest
 
-from harness import BIN, Daemon, make_fixtures
+from harness import BIN, HANG_SECONDS, Daemon, make_fixtures, wait_until
 
 NO_ID = "sha256-" + "0" * 64
 NO_JOB = "j-" + "0" * 32
@@ -42,15 +41,7 @@ def seen(response, *ids):
     return text
 
 
-class Patient(unittest.TestCase):
-    def wait_for(self, condition):
-        deadline = time.monotonic() + 10
-        while not condition():
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.05)
-
-
-class Tenants(Patient):
+class Tenants(unittest.TestCase):
     device = "cpu"
 
     @classmethod
@@ -193,7 +184,7 @@ class Tenants(Patient):
     def test_the_queue_shows_ones_own_jobs_and_how_many_others_have(self):
         asset = self.lab.upload(self.fixtures / "sample.ply")
         jobs = [self.lab.submit(kind="voxelize", asset=asset,
-                                options={"size": 1024, "fill": "solid", "cache": "no"})
+                                options={"size": 4096, "fill": "solid", "cache": "no"})
                 for _ in range(3)]
         try:
             self.lab.wait_state(jobs[0], "running")
@@ -208,8 +199,8 @@ class Tenants(Patient):
             self.assertGreaterEqual(studio["others"]["queued"], 1)
             self.assertEqual([device["jobs"] for device in studio["devices"]], [[]])
             # Three, and a fresh one in reserve; replaced ones take a moment to connect.
-            self.wait_for(lambda: [device["workers"] for device in
-                                   self.studio.get("/v1/queue").json()["devices"]] == [4])
+            wait_until(lambda: [device["workers"] for device in
+                                self.studio.get("/v1/queue").json()["devices"]] == [4], "four workers")
             self.assertNotIn("j-", json.dumps(studio))
             self.assertNotIn("lab", json.dumps(studio))
             self.assertLessEqual({job["id"] for job in boss["jobs"]}, set(jobs))
@@ -231,7 +222,7 @@ class Tenants(Patient):
 
     def test_a_link_opens_its_resource_and_nothing_else(self):
         job, grid = self.things["job"], self.things["grid"]
-        made = self.lab.post(f"/v1/jobs/{job}/share?seconds=60").json()
+        made = self.lab.post(f"/v1/jobs/{job}/share?seconds=3600").json()
         anyone = self.daemon.holding(None)
         whole = anyone.get(made["url"])
         self.assertEqual(whole.status, 200)
@@ -262,7 +253,7 @@ class Tenants(Patient):
         shop.wait(job)
         anyone = self.daemon.holding(None)
         short = shop.post(f"/v1/jobs/{job}/share?seconds=1").json()["url"]
-        self.wait_for(lambda: anyone.get(short).status == 410)
+        wait_until(lambda: anyone.get(short).status == 410, "the link ends")
         self.assertEqual(anyone.get(short).json()["code"], "gone")
         first = shop.post(f"/v1/jobs/{job}/share").json()["url"]
         keys(self.data_dir, "rotate-urls")
@@ -304,7 +295,7 @@ class Tenants(Patient):
         self.assertEqual(self.studio.get(f"/v1/assets/{asset}").status, 200)
         self.assertEqual(self.studio.request("DELETE", f"/v1/assets/{asset}").status, 204)
         # Files are unlinked after the response: its time must not reveal whether others have the bytes.
-        self.wait_for(lambda: not list(pathlib.Path(self.data_dir).rglob(asset)))
+        wait_until(lambda: not list(pathlib.Path(self.data_dir).rglob(asset)), "the files are unlinked")
 
     def test_an_idempotency_key_is_each_tenants_own(self):
         job = {"kind": "voxelize", "options": {"size": 9}}
@@ -357,7 +348,7 @@ class Tenants(Patient):
             keys(self.data_dir, "list", "--json").stdout)}[key_id(key)]
         self.assertEqual((listed["name"], listed["weight"], listed["admin"], listed["state"]),
                          ("guest", 3, False, "live"))
-        self.assertAlmostEqual(listed["expires_ms"] - listed["created_ms"], 3_600_000, delta=1000)
+        self.assertAlmostEqual(listed["expires_ms"] - listed["created_ms"], 3_600_000, delta=60_000)
         second = add_key(self.data_dir, "guest")  # rotation: the same tenant, another key
         asset = guest.upload(self.fixtures / "sample.ply")
         keys(self.data_dir, "revoke", key_id(key))
@@ -408,7 +399,7 @@ class Tenants(Patient):
             self.assertNotIn(self.keys["lab"].split("_")[2], misspelled.stderr + misspelled.stdout)
 
 
-class Start(Patient):
+class Start(unittest.TestCase):
     """Keys at the start of a daemon: refusals, and changes while it runs."""
 
     def setUp(self):
@@ -423,7 +414,7 @@ class Start(Patient):
                  **dict(zip(arguments[::2], arguments[1::2]))}
         done = subprocess.run([BIN / "voxeld", "serve", "--data", self.data_dir, "--device", "cpu",
                                *(part for pair in given.items() for part in pair)],
-                              text=True, capture_output=True, timeout=60)
+                              text=True, capture_output=True, timeout=HANG_SECONDS)
         self.assertEqual(done.returncode, 1, done)
         return done.stderr
 

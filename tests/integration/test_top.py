@@ -9,10 +9,9 @@ import signal
 import struct
 import subprocess
 import termios
-import time
 import unittest
 
-from harness import BIN, DaemonTest
+from harness import BIN, DaemonTest, wait_until
 
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -30,37 +29,36 @@ class Screen:
     def resize(self, columns, rows):
         fcntl.ioctl(self.fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
-    def read_until(self, wanted, seconds=20):
-        """The last whole frame once `wanted` says yes to it."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            if select.select([self.fd], [], [], 0.1)[0]:
-                try:
-                    self.text += os.read(self.fd, 65536).decode(errors="replace")
-                except OSError:
-                    break
-            frames = self.text.split("\x1b[H")[1:]
-            whole = [frame.split("\x1b[J")[0] for frame in frames if "\x1b[J" in frame]
-            if whole and wanted(lines_of(whole[-1])):
-                return lines_of(whole[-1])
-        raise AssertionError(f"not seen; the end of it is {self.text[-2000:]!r}")
+    def read(self):
+        """Reads what has been written, if anything. False: the program has ended."""
+        if not select.select([self.fd], [], [], 0.1)[0]:
+            return True
+        try:
+            self.text += os.read(self.fd, 65536).decode(errors="replace")
+        except OSError:
+            return False
+        return True
 
-    def end(self, seconds=10):
-        """The exit status; what is written until then is read."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            if select.select([self.fd], [], [], 0.05)[0]:
-                try:
-                    self.text += os.read(self.fd, 65536).decode(errors="replace")
-                except OSError:
-                    pass
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                os.close(self.fd)
-                return os.waitstatus_to_exitcode(status)
-        os.kill(self.pid, signal.SIGKILL)
-        os.waitpid(self.pid, 0)
-        raise AssertionError("it did not end")
+    def read_until(self, wanted):
+        """The last whole frame once `wanted` says yes to it."""
+        def frame():
+            assert self.read(), f"it ended; the end of it is {self.text[-2000:]!r}"
+            frames = self.text.split("\x1b[H")[1:]
+            whole = [one.split("\x1b[J")[0] for one in frames if "\x1b[J" in one]
+            return lines_of(whole[-1]) if whole and wanted(lines_of(whole[-1])) else None
+        return wait_until(frame, lambda: f"a frame; the end of it is {self.text[-2000:]!r}")
+
+    def end(self):
+        """The exit status; all that is written until then is read."""
+        try:
+            wait_until(lambda: not self.read(), "it ends")
+        except AssertionError:
+            os.kill(self.pid, signal.SIGKILL)
+            raise
+        finally:
+            _, status = os.waitpid(self.pid, 0)
+            os.close(self.fd)
+        return os.waitstatus_to_exitcode(status)
 
 
 def lines_of(frame):

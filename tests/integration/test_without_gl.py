@@ -30,13 +30,17 @@ class MainJob(test_main_job.OneShotWithoutGl):
     device = "auto"
 
 
-class Render(test_render.RenderWithoutGl):
+class Render(test_render.Render):
+    device = "auto"
+
+
+class Renderer(test_render.RendererOnCpu):
     device = "auto"
 
 
 def load_tests(loader, _tests, _pattern):
     suite = unittest.TestSuite()
-    for case in (Auto, MainJob, Render):
+    for case in (Auto, MainJob, Render, Renderer):
         suite.addTests(loader.loadTestsFromTestCase(case))
     return suite
 

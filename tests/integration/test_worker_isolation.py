@@ -1,9 +1,8 @@
 """A worker process that has read a tenant's file gets no task of another one."""
 import re
-import time
 import unittest
 
-from harness import TenantsDaemon
+from harness import TenantsDaemon, wait_until
 
 OPTIONS = {"size": 700, "fill": "solid", "cache": "no", "channels": "occupancy"}
 
@@ -14,22 +13,25 @@ class WorkerIsolation(unittest.TestCase):
         return [worker for worker in ready.json()["workers"] if worker["connected"]]
 
     def wait_for_workers(self, lab, count):
-        deadline = time.monotonic() + 60
-        while len(self.workers(lab)) != count:
-            self.assertLess(time.monotonic(), deadline, self.workers(lab))
-            time.sleep(0.05)
+        wait_until(lambda: len(self.workers(lab)) == count, lambda: self.workers(lab))
 
-    def pid_of_job(self, lab, tenant):
-        """The worker process that ran a job of the tenant."""
+    def run_job(self, lab, tenant):
+        """The worker process that ran a job of the tenant. None: it was not seen before the job ended."""
         who = lab.tenants[tenant]
         asset = who.upload(lab.fixtures / "sample.ply")
         job = who.submit(kind="voxelize", asset=asset, options=OPTIONS)
-        deadline = time.monotonic() + 60
-        while not (pids := [worker["pid"] for worker in self.workers(lab) if worker["task"] == job]):
-            self.assertLess(time.monotonic(), deadline, who.get(f"/v1/jobs/{job}").body)
+
+        def pids():
+            has_ended = who.get(f"/v1/jobs/{job}").json()["state"] not in ("queued", "running")
+            return [worker["pid"] for worker in self.workers(lab) if worker["task"] == job] or has_ended and [None]
+        pid = wait_until(pids, lambda: who.get(f"/v1/jobs/{job}").body)[0]
         status = who.wait(job)
         self.assertEqual((status["state"], status["attempt"]), ("done", 1))
-        return pids[0]
+        return pid
+
+    def pid_of_job(self, lab, tenant):
+        """The worker process that ran a job of the tenant."""
+        return wait_until(lambda: self.run_job(lab, tenant), "a job whose worker is seen")
 
     def pids_of_tenants(self, lab, rounds):
         pids = {tenant: set() for tenant in lab.tenants}

@@ -2,7 +2,7 @@
 import time
 import unittest
 
-from waits_load import CROWD, LARGE, OTHER, SMALL, Crowd, raise_descriptors, readable, resident_kb
+from waits_load import CROWD, LARGE, OTHER, SMALL, Crowd, await_readable, raise_descriptors, readable, resident_kb
 
 STREAMS, ONE_SHOTS = 2000, 5000
 KB_PER_REQUEST_MAX = 32
@@ -19,13 +19,15 @@ class Waits(unittest.TestCase):
             crowd.small_things(3)
             pid = crowd.daemon.process.pid
             before = resident_kb(pid)
-            crowd.one_shots(ONE_SHOTS)
+            one_shots = crowd.one_shots(ONE_SHOTS)
             crowd.streams(STREAMS)
-            crowd.await_waiting(STREAMS + ONE_SHOTS - 50)  # some jobs have ended meanwhile
-            each = (resident_kb(pid) - before) / (STREAMS + ONE_SHOTS)
+            ended = crowd.await_crowd(STREAMS, one_shots)
+            self.assertLess(ended, ONE_SHOTS // 2, "the crowd still waits")
+            each = (resident_kb(pid) - before) / (STREAMS + ONE_SHOTS - ended)
             print(f"{each:.1f} KiB for each request that waits")
             self.assertLess(each, KB_PER_REQUEST_MAX)
             crowd.small_things(3)
+            self.assertLessEqual({client.recv(12) for client in readable(one_shots, 0)}, {b"HTTP/1.1 200"})
             crowd.release()
             # Jobs of one-shots end with their clients.
             deadline = time.monotonic() + 120
@@ -53,7 +55,7 @@ class Waits(unittest.TestCase):
             crowd.await_waiting(100)
             crowd.small_things(5)
             self.assertEqual(readable(polls, 0), [], "polls wait")
-            self.assertEqual(len(readable(streams, 10)), 32, "streams have begun")
+            await_readable(streams)  # they have begun
             self.assertGreater(len(blocker) - len(readable(blocker, 0)), 0)
 
     def test_deadlines_count_from_the_body_on(self):
@@ -62,7 +64,7 @@ class Waits(unittest.TestCase):
             crowd.await_queued(90)
             late = crowd.one_shot(CROWD[0], f"{SMALL}&priority=-100&deadline_ms=1500")
             begin = time.monotonic()
-            self.assertEqual(readable([late], 30), [late])
+            self.assertEqual(readable([late], 60), [late])
             self.assertGreater(time.monotonic() - begin, 1)
             text = late.recv(65536)
             self.assertTrue(text.startswith(b"HTTP/1.1 504 "), text[:200])
@@ -73,8 +75,7 @@ class Waits(unittest.TestCase):
             crowd.one_shots(100, CROWD[:1])
             crowd.await_waiting(90)
             over = [crowd.one_shot(CROWD[0], LARGE) for _ in range(20)]
-            refused = [client for client in readable(over, 5) if client.recv(12) == b"HTTP/1.1 429"]
-            self.assertGreater(len(refused), 0)
+            self.assertIn(b"HTTP/1.1 429", {client.recv(12) for client in readable(over, 60)})
             response = crowd.tenants[OTHER].post(f"/v1/voxelize?{SMALL}", crowd.mesh)
             self.assertEqual(response.status, 200)
 

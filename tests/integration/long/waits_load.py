@@ -129,6 +129,17 @@ class Crowd(TenantsDaemon):
             assert time.monotonic() < deadline, f"{self.gauge('waiting')} of {count} wait"
             time.sleep(0.1)
 
+    def await_crowd(self, streams, one_shots, seconds=300):
+        """Until so many streams and all one-shots wait, but those whose jobs have ended meanwhile; their number."""
+        deadline = time.monotonic() + seconds
+        while True:
+            ended = len(readable(one_shots, 0))
+            waiting = self.gauge("waiting")
+            if waiting + ended >= streams + len(one_shots):
+                return ended
+            assert time.monotonic() < deadline, f"{waiting} wait and {ended} have ended"
+            time.sleep(0.1)
+
     def await_queued(self, count, seconds=300):
         deadline = time.monotonic() + seconds
         while True:
@@ -170,3 +181,11 @@ def readable(clients, seconds):
     for fd in by_fd:
         poll.register(fd, select.POLLIN)
     return [by_fd[fd] for fd, _ in poll.poll(seconds * 1000)]
+
+
+def await_readable(clients, seconds=300):
+    """Until each client has data to read, or its connection has ended."""
+    deadline = time.monotonic() + seconds
+    while (count := len(readable(clients, 0))) < len(clients):
+        assert time.monotonic() < deadline, f"{count} of {len(clients)} are readable"
+        time.sleep(0.1)
