@@ -17,8 +17,9 @@ std::string counted_as(std::string_view address) {
   return std::string(text) + "/64";
 }
 
-bool Client::takes_less_than(int64_t bytes_per_second, double grace_seconds) const {
-  const auto taking = Clock::now() - *exchange->responded() - paused;
+bool Client::takes_less_than(int64_t bytes_per_second, double grace_seconds,
+                             Clock::time_point now) const {
+  const auto taking = now - *exchange->responded() - paused;
   const double late = std::chrono::duration<double>(taking).count() - grace_seconds;
   return late > 0 &&
          static_cast<double>(exchange->sent()) < late * static_cast<double>(bytes_per_second);

@@ -40,7 +40,8 @@ struct Client {
 
   // Whether its response, once it has taken more than the grace, goes out at less than the rate on
   // the average, so that no client keeps its place for ever by reading now and then.
-  bool takes_less_than(int64_t bytes_per_second, double grace_seconds) const;
+  bool takes_less_than(int64_t bytes_per_second, double grace_seconds,
+                       Clock::time_point now = Clock::now()) const;
 
   Connection connection;
   bool is_counted = false;  // against its address

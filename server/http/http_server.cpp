@@ -78,7 +78,7 @@ class EpollServer final : public HttpServer {
   int port() const override { return port_; }
   HttpServerState state() const override {
     return {connections_.load(), running_.load(), waiting_.load(),
-            responses_.bytes() + bodies_.bytes()};
+            responses_.bytes() + bodies_.bytes(), stopping_.load()};
   }
 
   void wake_waiting() override EXCLUDES(mutex_) {

@@ -64,6 +64,7 @@ struct HttpServerState {
   int64_t requests_running = 0;  // on a thread
   int64_t requests_waiting = 0;  // for a job, an event or the time
   int64_t memory_bytes = 0;      // of exchanges, as MemoryBudget counts them
+  bool is_draining = false;      // stop() was called
 };
 
 // A handler that still runs although its client was cut off.

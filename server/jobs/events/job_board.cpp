@@ -78,7 +78,7 @@ void JobBoard::progress(const std::string& id, std::string_view stage, int64_t t
                       entry.tiles_total == tiles_total && entry.frames_done >= frames_done &&
                       entry.frames_total == frames_total;
     if (same && !entry.is_untold) return;
-    const auto now = Clock::now();
+    const auto now = now_();
     if (same_stage && now - entry.changed_at < entry.throttle()) return;
     entry.stage = stage;
     entry.tiles_done = tiles_done;
@@ -118,8 +118,8 @@ void JobBoard::tiles_kept(const std::string& id) {
   wake(wakers);
 }
 
-JobBoard::Wakers JobBoard::note_change(Entry& entry) {
-  const auto now = Clock::now();
+JobBoard::Wakers JobBoard::note_change(Entry& entry) const {
+  const auto now = now_();
   entry.is_untold = now - entry.changed_at < entry.throttle();
   if (entry.is_untold) return {};
   entry.changed_at = now;
@@ -170,14 +170,14 @@ void JobBoard::request_cancel(const std::string& id) {
   const auto found = entries_.find(id);
   if (found == entries_.end() || found->second->cancel) return;
   found->second->cancel = true;
-  found->second->cancel_at = Clock::now();
+  found->second->cancel_at = now_();
 }
 
 double JobBoard::cancel_age_seconds(const std::string& id) const {
   MutexLock lock(mutex_);
   const auto found = entries_.find(id);
   if (found == entries_.end() || !found->second->cancel) return -1.0;
-  return std::chrono::duration<double>(Clock::now() - found->second->cancel_at).count();
+  return std::chrono::duration<double>(now_() - found->second->cancel_at).count();
 }
 
 void JobBoard::drop_if_idle(const std::string& id) {

@@ -4,11 +4,13 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <list>
 #include <map>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "proto/messages/job.h"
@@ -22,6 +24,9 @@ namespace voxeld {
 class JobBoard {
  public:
   using Clock = std::chrono::steady_clock;
+  using Now = std::function<Clock::time_point()>;
+
+  explicit JobBoard(Now now = [] { return Clock::now(); }) : now_(std::move(now)) {}
 
   // A job was claimed: progress counts on from its version.
   void start(const std::string& id, int64_t version);
@@ -80,12 +85,13 @@ class JobBoard {
     Clock::duration throttle() const;
   };
   // Notes a change beside the reports: the wakers to call now; within the throttle there are none.
-  static Wakers note_change(Entry& entry);
+  Wakers note_change(Entry& entry) const;
   // The wakers to call, after mutex_ is released, for a change of that kind.
   static Wakers wakers_of(const Entry& entry, JobChange change);
   static void wake(const Wakers& wakers);
   void drop_if_idle(const std::string& id) REQUIRES(mutex_);
 
+  const Now now_;
   mutable Mutex mutex_;
   std::map<std::string, std::unique_ptr<Entry>, std::less<>> entries_ GUARDED_BY(mutex_);
 };

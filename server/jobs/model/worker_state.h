@@ -59,6 +59,10 @@ struct QueueView {
 struct TaskLimits {
   // Workers report at least every 200 ms; one that is silent for so long is stopped or stuck.
   double silence_seconds_max = 30.0;
+  // Duration of one message, from its first byte until the worker has taken the reply.
+  double message_seconds_max = 10.0;
+  // A worker with a time slice that is silent for so long loses it: others have the device.
+  double slice_silence_seconds_max = 2.0;
   // A cancel takes effect within a tile, or the worker ends.
   double cancel_seconds_max = 10.0;
   // It reports, but says the same each time: a shader or a parser that never ends.

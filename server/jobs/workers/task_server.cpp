@@ -22,9 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A worker with a time slice that is silent for so long loses it: others have the device.
-constexpr double kSliceSilenceSecondsMax = 2.0;
-
 }  // namespace
 
 Result<std::unique_ptr<TaskServer>> TaskServer::start(TaskServerConfig config,
@@ -47,7 +44,7 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
   watch_ = std::make_unique<WorkerWatch>(
       WatchLimits{config_.limits.worker_memory_bytes_max,
                   config_.limits.all_workers_memory_bytes_max, config_.limits.job_seconds_max,
-                  kSliceSilenceSecondsMax},
+                  config_.limits.slice_silence_seconds_max},
       watch_calls());
   scratch_watch_ = std::make_unique<ScratchWatch>(config_.limits.scratch_bytes_max, context_.disk,
                                                   scratch_calls());

@@ -22,8 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr size_t kDeviceFailureBytesMax = 2000;  // of a worker's text; the rest is cut
 constexpr double kHelloSecondsMax = 30.0;        // a busy machine opens a device in seconds
-// Duration of one message, from its first byte until the worker has taken the reply.
-constexpr double kMessageSecondsMax = 10.0;
 // Part of the reported device memory that tasks may use; drivers and other processes need some.
 constexpr double kDeviceMemoryShare = 0.75;
 
@@ -61,8 +59,7 @@ WorkerSession::WorkerSession(int64_t number, UniqueFd connection, fs::path folde
       socket_(std::move(connection), kTaskFrameBytesMax),
       rate_(context.config.limits),
       files_(std::move(folder)) {
-  socket_.distrust(limits::kWorkerMessageBytesMax,
-                   std::min(kMessageSecondsMax, context.config.limits.silence_seconds_max));
+  socket_.distrust(limits::kWorkerMessageBytesMax, context.config.limits.message_seconds_max);
 }
 
 WorkerState WorkerSession::state() const {

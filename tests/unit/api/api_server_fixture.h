@@ -78,7 +78,9 @@ class ServerTest : public ::testing::Test {
 
   // As it is on the disk.
   BlobStore blobs() { return BlobStore::open(dir_.path() / "data").value(); }
-  FakeWorker connect_worker() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }
+  FakeWorker connect_worker() {
+    return {dir_.path() / "data/run/tasks.sock", "llvmpipe", testing::kPatience};
+  }
 
   // One request on a connection of its own.
   HttpResponse request(const std::string& method, const std::string& target,

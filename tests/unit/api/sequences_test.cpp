@@ -41,7 +41,8 @@ class SequencesApi : public ServerTest {
     const std::string length = method == "POST" ? "Content-Length: 0\r\n" : "";
     EXPECT_TRUE(
         client.send(method + " " + target + " HTTP/1.1\r\nHost: h\r\n" + length + lines + "\r\n"));
-    if (client.readable(0.3)) return client.receive().value_or(HttpResponse{});  // refused at once
+    EXPECT_TRUE(comes_true([&] { return client.readable(0) || jobs_->queued_jobs() > 0; }));
+    if (client.readable(0)) return client.receive().value_or(HttpResponse{});  // refused at once
     FakeWorker worker = connect_worker();
     const auto task = worker.claim();
     EXPECT_TRUE(task && worker.complete(*task, "made"));

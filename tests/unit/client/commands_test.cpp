@@ -17,7 +17,6 @@ namespace voxeld::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using namespace std::chrono_literals;
 using client::error_of;
 using test::CannedResponse;
 using test::job_response;
@@ -56,7 +55,7 @@ class Commands : public ::testing::Test {
                                      const Arguments& arguments) {
     std::stop_source stop;
     std::jthread stopper([&] {
-      while (server.asked().size() < requests) std::this_thread::sleep_for(10ms);
+      EXPECT_TRUE(server.is_asked(requests));
       stop.request_stop();
     });
     return error_of([&] { run_command(arguments, stop.get_token()); });
@@ -111,7 +110,8 @@ TEST_F(Commands, a_damaged_result_leaves_no_new_file_and_the_old_one_unchanged) 
 
 TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {
   ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
-                         CannedResponse{.status = 304, .delay = 20s}, job_response("cancelled")});
+                         CannedResponse{.status = 304, .delay = test::kTooLate},
+                         job_response("cancelled")});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
   voxelize.input = mesh();
   EXPECT_EQ(stopped_after(server, 3, voxelize).code(), "interrupted");
@@ -120,7 +120,8 @@ TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {
 }
 
 TEST_F(Commands, an_interrupt_cancels_the_image_of_a_grid) {
-  ScriptedServer server({job_response("queued"), CannedResponse{.status = 304, .delay = 20s},
+  ScriptedServer server({job_response("queued"),
+                         CannedResponse{.status = 304, .delay = test::kTooLate},
                          job_response("cancelled")});
   Arguments render = arguments(Arguments::Command::kRender, server);
   render.grid = "sha256-g";
@@ -156,7 +157,8 @@ TEST_F(Commands, files_beside_the_mesh_go_with_it) {
 
 TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
   ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
-                         CannedResponse{.status = 304, .delay = 20s}, job_response("cancelled")});
+                         CannedResponse{.status = 304, .delay = test::kTooLate},
+                         job_response("cancelled")});
   Arguments info = arguments(Arguments::Command::kInfo, server);
   info.input = mesh();
   EXPECT_EQ(stopped_after(server, 3, info).code(), "interrupted");
@@ -164,7 +166,8 @@ TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
 }
 
 TEST_F(Commands, an_interrupt_while_another_ones_job_is_waited_for_leaves_it_alone) {
-  ScriptedServer server({CannedResponse{.status = 304, .delay = 20s}, job_response("cancelled")});
+  ScriptedServer server(
+      {CannedResponse{.status = 304, .delay = test::kTooLate}, job_response("cancelled")});
   Arguments jobs = arguments(Arguments::Command::kJobs, server);
   jobs.job = "j-1";
   EXPECT_EQ(stopped_after(server, 1, jobs).code(), "interrupted");

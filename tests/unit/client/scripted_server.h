@@ -13,6 +13,9 @@
 
 namespace voxeld::test {
 
+// Longer than any test lasts: the delay of a response that its client must not wait for.
+inline constexpr std::chrono::minutes kTooLate{2};
+
 struct CannedResponse {
   int status = 200;
   std::string body{};
@@ -44,6 +47,8 @@ class ScriptedServer {
 
   std::string url() const { return "http://127.0.0.1:" + std::to_string(port_); }
   std::vector<Asked> asked() const;
+  // Polls until so many requests have come; false after a minute.
+  bool is_asked(size_t count) const;
   std::vector<std::string> lines() const;  // "GET /v1/jobs/j-1" of each request
 
  private:

@@ -14,7 +14,6 @@
 namespace voxeld::client {
 namespace {
 
-using namespace std::chrono_literals;
 using test::CannedResponse;
 using test::json_response;
 using test::problem_response;
@@ -226,35 +225,31 @@ TEST(Upload, an_exception_of_the_stream_passes_through) {
 }
 
 TEST(Upload, progress_reports_bytes_and_false_stops_it) {
-  ScriptedServer server({CannedResponse{.delay = 10s}});
+  ScriptedServer server({CannedResponse{.delay = test::kTooLate}});
   Client client(server.url());
   Progress last;
   const auto progress = [&](const Progress& now) {
     last = now;
     return now.done < 50'000;
   };
-  const auto start = std::chrono::steady_clock::now();
   const Error error =
       error_of([&] { client.upload(Source::memory(bytes_of(long_text(60'000)), "a"), progress); });
-  EXPECT_LT(since(start), 5s);
   EXPECT_EQ(error.code(), "interrupted");
   EXPECT_EQ(last.stage, "upload");
   EXPECT_EQ(last.total, 60'000);
 }
 
 TEST(Upload, a_stop_token_stops_it) {
-  ScriptedServer server({CannedResponse{.delay = 10s}});
+  ScriptedServer server({CannedResponse{.delay = test::kTooLate}});
   Client client(server.url());
   std::stop_source stop;
   std::jthread stopper([&] {
-    std::this_thread::sleep_for(100ms);
+    EXPECT_TRUE(server.is_asked(1));
     stop.request_stop();
   });
-  const auto start = std::chrono::steady_clock::now();
   const Error error =
       error_of([&] { client.upload(Source::memory(bytes_of("x"), "a"), {}, stop.get_token()); });
   EXPECT_EQ(error.code(), "interrupted");
-  EXPECT_LT(since(start), 5s);
 }
 
 TEST(Upload, an_exception_of_the_progress_callback_passes_through) {

@@ -10,6 +10,8 @@
 #include <thread>
 #include <vector>
 
+#include "tests/unit/base/comes_true.h"
+
 namespace voxeld::http {
 namespace {
 
@@ -76,15 +78,9 @@ class Pool {
   std::vector<std::thread> threads_;
 };
 
-// Waits for as long as it takes; a test that never gets there is ended by its time limit.
-template <typename Condition>
-void wait_until(const Condition& condition) {
-  while (!condition()) std::this_thread::sleep_for(std::chrono::microseconds(200));
-}
-
 TEST(ActiveThreads, so_many_wait_for_events_and_the_rest_are_parked) {
   Pool pool(8, 2, [] {});
-  wait_until([&] { return pool.waiting() == 2; });
+  ASSERT_TRUE(testing::comes_true([&] { return pool.waiting() == 2; }));
   for (int i = 0; i < 50; ++i) {
     EXPECT_LE(pool.waiting(), 2);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -95,7 +91,7 @@ TEST(ActiveThreads, quick_events_are_all_taken) {
   std::atomic<int> taken = 0;
   Pool pool(8, 2, [&] { ++taken; });
   for (int i = 0; i < 1000; ++i) pool.add_events(3);
-  wait_until([&] { return taken == 3000; });
+  EXPECT_TRUE(testing::comes_true([&] { return taken == 3000; }));
 }
 
 TEST(ActiveThreads, parked_threads_replace_those_that_block) {
@@ -108,23 +104,23 @@ TEST(ActiveThreads, parked_threads_replace_those_that_block) {
     --running;
   });
   pool.add_events(8);
-  wait_until([&] { return running == 8; });  // more than are active at first
+  EXPECT_TRUE(testing::comes_true([&] { return running == 8; })) << "more than are active at first";
   ends.add(8);
-  wait_until([&] { return running == 0; });
+  ASSERT_TRUE(testing::comes_true([&] { return running == 0; }));
   // With quick events the others are parked again.
   blocks = false;
-  wait_until([&] {
+  ASSERT_TRUE(testing::comes_true([&] {
     pool.add_events(1);
-    wait_until([&] { return !pool.has_events() && running == 0; });
+    EXPECT_TRUE(testing::comes_true([&] { return !pool.has_events() && running == 0; }));
     return pool.waiting() <= 2;
-  });
+  }));
   // The same once more, after the watching thread has gone to sleep.
   std::this_thread::sleep_for(ActiveThreads::kStep * 150);
   blocks = true;
   pool.add_events(8);
-  wait_until([&] { return running == 8; });
+  EXPECT_TRUE(testing::comes_true([&] { return running == 8; }));
   ends.add(8);
-  wait_until([&] { return running == 0; });
+  EXPECT_TRUE(testing::comes_true([&] { return running == 0; }));
 }
 
 TEST(ActiveThreads, the_end_releases_parked_threads) {

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 #include <sys/eventfd.h>
+#include <sys/socket.h>
 
+#include <array>
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <list>
 #include <memory>
@@ -96,6 +99,57 @@ TEST(ClientTable, the_next_timer_is_the_earliest_and_ends_with_the_state) {
   EXPECT_EQ(table.next_timer(), &first);
   table.remove(first);
   EXPECT_EQ(table.next_timer(), nullptr);
+}
+
+// Is over when the test says so.
+class ToldWait final : public Wait {
+ public:
+  explicit ToldWait(const bool& is_over) : is_over_(is_over) {}
+  std::optional<Response> look(Request&) override {
+    if (!is_over_) return std::nullopt;
+    return Response::text(200, std::string(8'000'000, 'x'));  // more than a socket's buffer holds
+  }
+  Clock::time_point until() const override { return Clock::time_point::max(); }
+
+ private:
+  const bool& is_over_;
+};
+
+TEST(Client, its_rate_counts_from_the_begin_of_its_response_without_pauses) {
+  using std::chrono::seconds;
+  std::array<int, 2> fds{};
+  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, fds.data()), 0);
+  const UniqueFd peer(fds[1]);
+  bool is_over = false;
+  const Handler handler = [&is_over](Request&) -> Reply {
+    return std::unique_ptr<Wait>(std::make_unique<ToldWait>(is_over));
+  };
+  const std::function<void(const Request&, Response&)> add_headers;
+  const std::vector<std::string> proxies;
+  MemoryBudget budget;
+  const std::atomic<bool> is_draining{false};
+  Client client(UniqueFd(fds[0]), "10.0.0.1");
+  client.exchange = std::make_unique<Exchange>(
+      Exchange::Context{handler, add_headers, proxies, budget, budget, is_draining},
+      client.connection, parse_head("GET / HTTP/1.1\r\nHost: h\r\n\r\n"), /*is_refused=*/false,
+      nullptr, nullptr);
+  ASSERT_EQ(client.exchange->advance(), Exchange::Step::kWait);
+  EXPECT_FALSE(client.exchange->responded());
+  is_over = true;
+  const auto woken = Clock::now();
+  ASSERT_EQ(client.exchange->advance(), Exchange::Step::kSend) << "the other end reads nothing";
+  ASSERT_TRUE(client.exchange->responded());
+  const auto begun = *client.exchange->responded();
+  EXPECT_GE(begun, woken) << "the time of the wait does not count";
+  const int64_t sent = client.exchange->sent();
+  EXPECT_GT(sent, 0);
+  EXPECT_FALSE(client.takes_less_than(sent + 1, 60, begun + seconds(60)));
+  EXPECT_TRUE(client.takes_less_than(sent + 1, 60, begun + seconds(61)));
+  EXPECT_FALSE(client.takes_less_than(sent, 60, begun + seconds(61)));
+  EXPECT_TRUE(client.takes_less_than(sent, 60, begun + seconds(62)));
+  client.paused = seconds(9);
+  EXPECT_FALSE(client.takes_less_than(sent, 60, begun + seconds(70)));
+  EXPECT_TRUE(client.takes_less_than(sent, 60, begun + seconds(71)));
 }
 
 TEST(ClientTable, addresses_are_counted_while_their_connections_are_there) {

@@ -70,7 +70,8 @@ TEST_F(CrowdTest, a_pipelining_client_queues_behind_others_after_each_response) 
   for (int i = 0; i < kPipelined; ++i) text += "GET /hello HTTP/1.1\r\nHost: h\r\n\r\n";
   HttpClient greedy(port()), other(port());
   ASSERT_TRUE(greedy.send(text));
-  ASSERT_TRUE(comes_true([&] { return has_entered.load(); }));
+  // Both are with the server when the first response goes out.
+  ASSERT_TRUE(comes_true([&] { return has_entered && server_->state().connections == 2; }));
   ASSERT_TRUE(other.send_get("/other"));
   held.count_down();
   EXPECT_EQ(other.receive().value_or(HttpResponse{}).body, "other");
@@ -134,7 +135,7 @@ TEST_F(CrowdTest, the_longest_idle_connection_is_closed_when_all_places_are_take
   HttpClient first(port());
   ASSERT_TRUE(first.send_get("/hello") && first.receive());
   // It becomes idle a moment after its response has arrived.
-  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  ASSERT_TRUE(comes_true([&] { return server_->requests_in_flight() == 0; }));
   HttpClient second(port());
   ASSERT_TRUE(second.send_get("/hello") && second.receive());
   // At first no connection has been idle for long enough.

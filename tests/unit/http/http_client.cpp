@@ -10,10 +10,9 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
-#include <chrono>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
-#include <thread>
+#include <utility>
 
 namespace voxeld::testing {
 namespace {
@@ -152,15 +151,6 @@ std::optional<std::string> HttpClient::receive_to_end() {
 
 void HttpClient::finish_sending() {
   ::shutdown(fd_.get(), SHUT_WR);
-}
-
-bool comes_true(const std::function<bool()>& condition) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(kPatienceSeconds);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
 }
 
 }  // namespace voxeld::testing

@@ -2,17 +2,17 @@
 // does not happen within kPatienceSeconds is taken as never.
 #pragma once
 
-#include <functional>
 #include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "server/base/file.h"
+#include "tests/unit/base/comes_true.h"
 
 namespace voxeld::testing {
 
-inline constexpr int kPatienceSeconds = 60;
+inline constexpr int kPatienceSeconds = static_cast<int>(kPatience.count());
 
 struct HttpResponse {
   int status = 0;
@@ -57,8 +57,5 @@ class HttpClient {
   UniqueFd fd_;
   std::string buffer_;
 };
-
-// Polls until it is true; false after kPatienceSeconds.
-bool comes_true(const std::function<bool()>& condition);
 
 }  // namespace voxeld::testing

@@ -16,10 +16,28 @@ namespace voxeld::testing {
 
 using nlohmann::json;
 
-FakeWorker::FakeWorker(const std::filesystem::path& socket, const std::string& device) {
+FakeWorker::FakeWorker(const std::filesystem::path& socket, const std::string& device,
+                       std::chrono::seconds patience) {
+  VOXELD_CHECK(say_hello(socket, device, patience), "hello got no reply");
+}
+
+std::optional<FakeWorker> FakeWorker::try_connect(const std::filesystem::path& socket,
+                                                  const std::string& device,
+                                                  std::chrono::seconds patience) {
+  FakeWorker worker;
+  if (!worker.say_hello(socket, device, patience)) return std::nullopt;
+  return worker;
+}
+
+bool FakeWorker::say_hello(const std::filesystem::path& socket, const std::string& device,
+                           std::chrono::seconds patience) {
   auto fd = connect_unix(socket);
   VOXELD_CHECK(fd.ok(), fd.error().detail);
   socket_ = std::make_unique<FrameSocket>(*std::move(fd), kTaskFrameBytesMax);
+  if (patience.count() > 0) {
+    const Status limited = socket_->set_receive_timeout(static_cast<double>(patience.count()));
+    VOXELD_CHECK(limited.ok(), limited.error().detail);
+  }
   WorkerHello hello;
   hello.pid = ::getpid();
   hello.device = device;
@@ -27,8 +45,9 @@ FakeWorker::FakeWorker(const std::filesystem::path& socket, const std::string& d
   hello.driver = "fake driver 1.0";
   hello.device_json = "{}";
   const auto reply = call(to_json_message(hello));
-  VOXELD_CHECK(reply.has_value(), "hello got no reply");
+  if (!reply) return false;
   scratch_ = reply->value("scratch_dir", "");
+  return true;
 }
 
 std::optional<json> FakeWorker::call(const json& request) {
@@ -38,6 +57,8 @@ std::optional<json> FakeWorker::call(const json& request) {
 std::optional<json> FakeWorker::send_text(const std::string& text) {
   if (!socket_->send(text)) return std::nullopt;
   const auto frame = socket_->receive();
+  VOXELD_CHECK(frame || frame.error().code != ErrorCode::kDeadlineExceeded,
+               "the gateway does not reply");
   if (!frame) return std::nullopt;
   return json::parse(*frame);
 }

@@ -2,6 +2,7 @@
 // says.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -20,8 +21,14 @@ namespace voxeld::testing {
 
 class FakeWorker {
  public:
-  // Connects and says hello. Aborts when it cannot.
-  FakeWorker(const std::filesystem::path& socket, const std::string& device);
+  // Connects and says hello. Aborts when it cannot, and later when a reply takes longer than
+  // `patience` (0: any time).
+  FakeWorker(const std::filesystem::path& socket, const std::string& device,
+             std::chrono::seconds patience = std::chrono::seconds(0));
+  // The same; nullopt when the gateway has ended the worker before it replied.
+  static std::optional<FakeWorker> try_connect(const std::filesystem::path& socket,
+                                               const std::string& device,
+                                               std::chrono::seconds patience);
 
   // Sends one request and returns the reply; nullopt when the gateway has closed the connection.
   std::optional<nlohmann::json> call(const nlohmann::json& request);
@@ -53,6 +60,10 @@ class FakeWorker {
   }
 
  private:
+  FakeWorker() = default;
+  bool say_hello(const std::filesystem::path& socket, const std::string& device,
+                 std::chrono::seconds patience);
+
   std::unique_ptr<FrameSocket> socket_;
   std::filesystem::path scratch_;
 };

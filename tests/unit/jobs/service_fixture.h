@@ -8,10 +8,10 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <thread>
 
 #include "server/jobs/service/job_service.h"
 #include "server/store/blob_store.h"
+#include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"
@@ -30,6 +30,7 @@ class ServiceTest : public ::testing::Test {
     config.data_dir = dir_.path() / "data";
     config.start_workers = false;
     config.limits_of = [this](std::string_view) { return limits_; };
+    config.limits = task_limits_;
     config.queued_jobs_max = queued_jobs_max_;
     config.is_queue_shared = [this] { return is_queue_shared_; };
     config.store_match = store_match_;
@@ -38,17 +39,12 @@ class ServiceTest : public ::testing::Test {
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
   }
-  FakeWorker connect() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }
+  FakeWorker connect() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe", kPatience}; }
   // As it is on the disk.
   BlobStore blobs() { return BlobStore::open(dir_.path() / "data").value(); }
   // Deleted blobs go on a thread of the service.
   bool is_removed(const std::string& id) {
-    const auto deadline = Clock::now() + std::chrono::seconds(20);
-    while (blobs().stat(id)) {
-      if (Clock::now() > deadline) return false;
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    return true;
+    return comes_true([&] { return !blobs().stat(id); });
   }
   BlobInfo put_blob(const std::string& text) {
     auto writer = service_->begin_upload(1 << 20);
@@ -72,11 +68,12 @@ class ServiceTest : public ::testing::Test {
     return request;
   }
   JobStatus wait_end(const std::string& id) {
-    return testing::wait_end(*service_, Caller::open(), id, std::chrono::seconds(20)).value();
+    return testing::wait_end(*service_, Caller::open(), id).value();
   }
 
   TemporaryDir dir_;
   TenantLimits limits_;  // of every tenant
+  TaskLimits task_limits_;
   int queued_jobs_max_ = limits::kQueuedJobsMax;
   bool is_queue_shared_ = false;
   StoreMatch store_match_ = StoreMatch::kRequired;

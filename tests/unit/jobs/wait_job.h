@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/jobs/service/job_service.h"
+#include "tests/unit/base/comes_true.h"
 
 namespace voxeld::testing {
 
@@ -49,7 +50,7 @@ inline Result<JobStatus> wait_until(JobService& service, const Caller& caller, s
 }
 
 inline Result<JobStatus> wait_end(JobService& service, const Caller& caller, std::string_view id,
-                                  std::chrono::seconds patience = std::chrono::seconds(20)) {
+                                  std::chrono::seconds patience = kPatience) {
   return wait_until(service, caller, id, JobService::Clock::now() + patience,
                     [](const JobStatus&) { return false; });
 }

@@ -10,6 +10,7 @@
 #include <string>
 #include <thread>
 
+#include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -53,9 +54,7 @@ TEST(ChildProcess, the_child_ends_with_the_thread_that_started_it) {
   ChildProcess child;
   std::thread([&] {
     ASSERT_TRUE(child.spawn("/bin/sh", {"-c", "touch '" + ready + "'; exec sleep 100"}));
-    while (!std::filesystem::exists(ready)) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
+    EXPECT_TRUE(testing::comes_true([&] { return std::filesystem::exists(ready); }));
   }).join();
   EXPECT_EQ(child.wait().text(), "signal 9 (Killed)");
 }

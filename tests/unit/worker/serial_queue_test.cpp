@@ -7,9 +7,12 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "proto/thread_pool.h"
+#include "tests/unit/base/comes_true.h"
 
 namespace voxeld {
 namespace {
@@ -107,8 +110,15 @@ TEST(SerialQueue, a_push_over_the_limit_waits) {
 }
 
 TEST(SerialQueue, items_that_wait_at_the_end_are_dropped) {
-  std::promise<void> started, gate;
+  std::promise<void> started, dropped, gate;
   std::atomic<int> done = 0;
+  // The second item holds it, so its end shows that the queue has begun to end.
+  std::shared_ptr<void> held(nullptr, [&dropped](void*) { dropped.set_value(); });
+  // The queue ends while the first item is being done.
+  std::thread opener([&] {
+    EXPECT_EQ(dropped.get_future().wait_for(testing::kPatience), std::future_status::ready);
+    gate.set_value();
+  });
   {
     SerialQueue side(1000);
     (void)side.push(0, [&]() -> Status {
@@ -117,18 +127,13 @@ TEST(SerialQueue, items_that_wait_at_the_end_are_dropped) {
       ++done;
       return {};
     });
-    (void)side.push(0, [&]() -> Status {
+    (void)side.push(0, [&done, with = std::move(held)]() -> Status {
       ++done;
       return {};
     });
     started.get_future().wait();
-    // Ends while the first is being done.
-    std::thread opener([&] {
-      std::this_thread::sleep_for(std::chrono::milliseconds(30));
-      gate.set_value();
-    });
-    opener.detach();
   }
+  opener.join();
   EXPECT_EQ(done, 1);
 }
 

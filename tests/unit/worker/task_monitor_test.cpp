@@ -4,13 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <chrono>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <thread>
 #include <utility>
 
+#include "tests/unit/base/comes_true.h"
 #include "tests/unit/worker/fake_gateway.h"
 
 namespace voxeld {
@@ -26,48 +24,42 @@ Task a_task() {
   return task;
 }
 
-void wait_until(const std::function<bool()>& condition) {
-  for (int i = 0; i < 500 && !condition(); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  EXPECT_TRUE(condition());
-}
-
 TEST(TaskMonitor, reports_go_out_while_the_task_is_busy_and_a_cancel_stops_it) {
-  std::atomic<int> reports{0};
+  std::atomic<int> reports{0};  // of stage voxelize
+  std::atomic<bool> cancels{false};
   Gateway gateway([&](const json& message) {
     EXPECT_EQ(message["type"], "progress");
     EXPECT_EQ(message["fence"], 3);
-    EXPECT_EQ(message["stage"], "voxelize");
-    return ++reports < 2 ? R"({"cancel":false,"fenced":false})"
-                         : R"({"cancel":true,"fenced":false})";
+    if (message["stage"] == "voxelize") ++reports;
+    return cancels ? R"({"cancel":true,"fenced":false})" : R"({"cancel":false,"fenced":false})";
   });
   auto client = TaskClient::connect(gateway.address());
   ASSERT_TRUE(client);
   TaskMonitor monitor(**client, a_task());
   monitor.set_stage("voxelize");
   EXPECT_TRUE(monitor.set_progress(1, 8));
+  EXPECT_TRUE(testing::comes_true([&] { return reports >= 2; }));
   EXPECT_TRUE(monitor.check());
-  wait_until([&] { return !monitor.check(); });
+  cancels = true;
+  EXPECT_TRUE(testing::comes_true([&] { return !monitor.check(); }));
   EXPECT_FALSE(monitor.set_progress(2, 8));
   EXPECT_EQ(monitor.check().error().code, ErrorCode::kCancelled);
   EXPECT_FALSE(monitor.dropped());
-  EXPECT_EQ(reports, 2);
 }
 
 TEST(TaskMonitor, a_fenced_task_is_dropped) {
   Gateway gateway([](const json&) { return R"({"cancel":false,"fenced":true})"; });
   auto client = TaskClient::connect(gateway.address());
   TaskMonitor monitor(**client, a_task());
-  wait_until([&] { return monitor.dropped(); });
-  EXPECT_FALSE(monitor.check());
+  EXPECT_TRUE(testing::comes_true([&] { return monitor.dropped(); }));
+  EXPECT_TRUE(testing::comes_true([&] { return !monitor.check(); }));
 }
 
 TEST(TaskMonitor, a_gateway_that_goes_away_drops_the_task) {
   Gateway gateway([](const json&) { return ""; });
   auto client = TaskClient::connect(gateway.address());
   TaskMonitor monitor(**client, a_task());
-  wait_until([&] { return monitor.dropped(); });
+  EXPECT_TRUE(testing::comes_true([&] { return monitor.dropped(); }));
 }
 
 TEST(TaskClient, other_gateways_than_a_unix_socket_are_refused_by_name) {

@@ -123,15 +123,18 @@ TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
     EXPECT_LE(status.expected_start_ms, status.expected_end_ms);
     return status.expected_end_ms;
   };
-  EXPECT_LT(end_of("heavy"), end_of("urgent"));
-  EXPECT_LT(end_of("urgent"), end_of("first"));
-  EXPECT_LT(end_of("first"), end_of("second"));
+  // Times are from now on, so a pause of the machine between two of them moves the later ones on.
+  const int64_t heavy_end = end_of("heavy"), urgent_end = end_of("urgent");
+  const int64_t first_end = end_of("first"), second_end = end_of("second");
+  EXPECT_LT(heavy_end, urgent_end);
+  EXPECT_LT(urgent_end, first_end);
+  EXPECT_LT(first_end, second_end);
   JobRequest request;
   request.asset = "sha256-1";
   request.options = options(256);
   const JobStatus estimated = queue.estimate("light", request, 1 << 20);
   EXPECT_EQ(estimated.queue_position, 5);
-  EXPECT_GE(estimated.expected_start_ms, end_of("second") - 1000);
+  EXPECT_GE(estimated.expected_start_ms, second_end - 1000);
 }
 
 TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <chrono>
 #include <memory>
-#include <thread>
 #include <vector>
 
 namespace voxeld {
@@ -21,41 +20,50 @@ JobStatus running_status(int64_t version) {
   return status;
 }
 
-TEST(JobBoard, progress_raises_the_version_and_shows_in_the_status) {
-  JobBoard board;
-  board.start("j-1", 2);
-  board.progress("j-1", "voxelize", 3, 8);
+// A board whose clock the test moves.
+class JobBoardTest : public ::testing::Test {
+ protected:
+  void pass(milliseconds time) { now_ += time; }
+
+  JobBoard::Clock::time_point now_{std::chrono::hours(1)};
+  JobBoard board_{[this] { return now_; }};
+};
+
+TEST_F(JobBoardTest, progress_raises_the_version_and_shows_in_the_status) {
+  board_.start("j-1", 2);
+  board_.progress("j-1", "voxelize", 3, 8);
   JobStatus status = running_status(2);
-  board.overlay(status);
+  board_.overlay(status);
   EXPECT_EQ(status.version, 3);
   EXPECT_EQ(status.stage, "voxelize");
   EXPECT_EQ(status.tiles_done, 3);
   EXPECT_EQ(status.tiles_total, 8);
-  EXPECT_EQ(board.live_version("j-1"), 3);
+  EXPECT_EQ(board_.live_version("j-1"), 3);
 }
 
-TEST(JobBoard, reports_within_a_tenth_of_a_second_or_without_news_are_one_change) {
-  JobBoard board;
-  board.start("j-1", 2);
-  for (int i = 1; i < 50; ++i) board.progress("j-1", "voxelize", i, 100);
-  EXPECT_EQ(board.live_version("j-1"), 3);
-  board.progress("j-1", "encode", 0, 0);  // another stage is always news
-  EXPECT_EQ(board.live_version("j-1"), 4);
-  std::this_thread::sleep_for(milliseconds(120));
-  board.progress("j-1", "encode", 0, 0);
-  EXPECT_EQ(board.live_version("j-1"), 4);
+TEST_F(JobBoardTest, reports_within_a_tenth_of_a_second_or_without_news_are_one_change) {
+  board_.start("j-1", 2);
+  for (int i = 1; i < 50; ++i) {
+    board_.progress("j-1", "voxelize", i, 100);
+    pass(milliseconds(2));
+  }
+  EXPECT_EQ(board_.live_version("j-1"), 3);
+  board_.progress("j-1", "encode", 0, 0);  // another stage is always news
+  EXPECT_EQ(board_.live_version("j-1"), 4);
+  pass(milliseconds(120));
+  board_.progress("j-1", "encode", 0, 0);
+  EXPECT_EQ(board_.live_version("j-1"), 4);
 }
 
-TEST(JobBoard, jobs_that_do_not_run_have_no_progress) {
-  JobBoard board;
-  board.progress("j-1", "voxelize", 1, 2);
-  EXPECT_EQ(board.live_version("j-1"), 0);
-  board.start("j-1", 2);
-  board.changed("j-1", 3, false);
-  board.progress("j-1", "voxelize", 1, 2);
-  EXPECT_EQ(board.live_version("j-1"), 0);
+TEST_F(JobBoardTest, jobs_that_do_not_run_have_no_progress) {
+  board_.progress("j-1", "voxelize", 1, 2);
+  EXPECT_EQ(board_.live_version("j-1"), 0);
+  board_.start("j-1", 2);
+  board_.changed("j-1", 3, false);
+  board_.progress("j-1", "voxelize", 1, 2);
+  EXPECT_EQ(board_.live_version("j-1"), 0);
   JobStatus status = running_status(2);
-  board.overlay(status);
+  board_.overlay(status);
   EXPECT_EQ(status.version, 2);
 }
 
@@ -66,103 +74,97 @@ class CountingWaker final : public Waker {
   std::atomic<int> wakes{0};
 };
 
-TEST(JobBoard, a_watcher_is_woken_by_each_change_until_it_ends) {
-  JobBoard board;
+TEST_F(JobBoardTest, a_watcher_is_woken_by_each_change_until_it_ends) {
   const auto waker = std::make_shared<CountingWaker>();
-  auto watch = board.watch("j-1", JobChange::kAny, waker);
+  auto watch = board_.watch("j-1", JobChange::kAny, waker);
   EXPECT_EQ(waker->wakes, 0);
-  board.start("j-1", 2);
+  board_.start("j-1", 2);
   EXPECT_EQ(waker->wakes, 1);
-  board.progress("j-1", "parse", 0, 0);
+  board_.progress("j-1", "parse", 0, 0);
   EXPECT_EQ(waker->wakes, 2);
-  board.changed("j-2", 5, false);
+  board_.changed("j-2", 5, false);
   EXPECT_EQ(waker->wakes, 2) << "another job's change";
   watch.reset();
-  board.changed("j-1", 5, false);
+  board_.changed("j-1", 5, false);
   EXPECT_EQ(waker->wakes, 2);
   EXPECT_EQ(waker.use_count(), 1);
 }
 
-TEST(JobBoard, a_watcher_of_states_is_not_woken_by_progress) {
-  JobBoard board;
+TEST_F(JobBoardTest, a_watcher_of_states_is_not_woken_by_progress) {
   const auto waker = std::make_shared<CountingWaker>();
-  const auto watch = board.watch("j-1", JobChange::kState, waker);
-  board.start("j-1", 2);
-  board.progress("j-1", "parse", 0, 0);
+  const auto watch = board_.watch("j-1", JobChange::kState, waker);
+  board_.start("j-1", 2);
+  board_.progress("j-1", "parse", 0, 0);
   EXPECT_EQ(waker->wakes, 0);
-  board.changed("j-1", 5, false);
+  board_.changed("j-1", 5, false);
   EXPECT_EQ(waker->wakes, 1);
 }
 
-TEST(JobBoard, reports_become_rarer_with_many_watchers) {
-  JobBoard board;
+TEST_F(JobBoardTest, reports_become_rarer_with_many_watchers) {
   std::vector<std::unique_ptr<JobWatch>> watches;
   for (int i = 0; i < 5000; ++i) {
-    watches.push_back(board.watch("j-1", JobChange::kAny, std::make_shared<CountingWaker>()));
+    watches.push_back(board_.watch("j-1", JobChange::kAny, std::make_shared<CountingWaker>()));
   }
-  board.start("j-1", 2);
-  board.progress("j-1", "voxelize", 1, 8);
-  std::this_thread::sleep_for(milliseconds(120));
-  board.progress("j-1", "voxelize", 2, 8);
-  EXPECT_EQ(board.live_version("j-1"), 3);
+  board_.start("j-1", 2);
+  board_.progress("j-1", "voxelize", 1, 8);
+  pass(milliseconds(120));
+  board_.progress("j-1", "voxelize", 2, 8);
+  EXPECT_EQ(board_.live_version("j-1"), 3);
   watches.resize(1);
-  board.progress("j-1", "voxelize", 3, 8);
-  EXPECT_EQ(board.live_version("j-1"), 4);
+  board_.progress("j-1", "voxelize", 3, 8);
+  EXPECT_EQ(board_.live_version("j-1"), 4);
 }
 
-TEST(JobBoard, a_cancel_is_remembered_with_its_age) {
-  JobBoard board;
-  board.start("j-1", 2);
-  EXPECT_LT(board.cancel_age_seconds("j-1"), 0);
-  board.request_cancel("j-1");
-  std::this_thread::sleep_for(milliseconds(20));
-  board.request_cancel("j-1");  // again: the first one counts
-  EXPECT_GE(board.cancel_age_seconds("j-1"), 0.02);
+TEST_F(JobBoardTest, a_cancel_is_remembered_with_its_age) {
+  board_.start("j-1", 2);
+  EXPECT_LT(board_.cancel_age_seconds("j-1"), 0);
+  board_.request_cancel("j-1");
+  pass(milliseconds(250));
+  board_.request_cancel("j-1");  // again: the first one counts
+  EXPECT_EQ(board_.cancel_age_seconds("j-1"), 0.25);
 }
 
-TEST(JobBoard, frames_are_counted_by_reports_and_by_listings) {
-  JobBoard board;
+TEST_F(JobBoardTest, frames_are_counted_by_reports_and_by_listings) {
   JobStatus status;
   status.id = "j-1";
   status.state = JobState::kRunning;
-  board.start("j-1", 2);
-  board.progress("j-1", "voxelize", 1, 8, 0, 5);
-  EXPECT_EQ(board.live_version("j-1"), 3);
-  board.frames_listed("j-1", 2);  // within the throttle: deferred to the next report
-  EXPECT_EQ(board.live_version("j-1"), 3);
-  board.overlay(status);
+  board_.start("j-1", 2);
+  board_.progress("j-1", "voxelize", 1, 8, 0, 5);
+  EXPECT_EQ(board_.live_version("j-1"), 3);
+  board_.frames_listed("j-1", 2);  // within the throttle: deferred to the next report
+  EXPECT_EQ(board_.live_version("j-1"), 3);
+  board_.overlay(status);
   EXPECT_EQ(status.frames_done, 2);
   EXPECT_EQ(status.frames_total, 5);
-  std::this_thread::sleep_for(std::chrono::milliseconds(120));
-  board.progress("j-1", "voxelize", 1, 8, 2, 5);
-  EXPECT_EQ(board.live_version("j-1"), 4);
-  board.progress("j-1", "voxelize", 1, 8, 2, 5);  // known already
-  EXPECT_EQ(board.live_version("j-1"), 4);
-  std::this_thread::sleep_for(std::chrono::milliseconds(120));
-  board.frames_listed("j-1", 3);
-  EXPECT_EQ(board.live_version("j-1"), 5);
-  board.start("j-1", 9);  // another attempt begins at none
+  pass(milliseconds(120));
+  board_.progress("j-1", "voxelize", 1, 8, 2, 5);
+  EXPECT_EQ(board_.live_version("j-1"), 4);
+  board_.progress("j-1", "voxelize", 1, 8, 2, 5);  // known already
+  EXPECT_EQ(board_.live_version("j-1"), 4);
+  pass(milliseconds(120));
+  board_.frames_listed("j-1", 3);
+  EXPECT_EQ(board_.live_version("j-1"), 5);
+  board_.start("j-1", 9);  // another attempt begins at none
   JobStatus again = status;
   again.frames_done = again.frames_total = 0;
-  board.overlay(again);
+  board_.overlay(again);
   EXPECT_EQ(again.frames_done, 0);
 }
 
-TEST(JobBoard, kept_tiles_wake_those_who_watch_progress) {
-  JobBoard board;
-  board.tiles_kept("j-1");  // of a job that does not run
-  board.start("j-1", 2);
+TEST_F(JobBoardTest, kept_tiles_wake_those_who_watch_progress) {
+  board_.tiles_kept("j-1");  // of a job that does not run
+  board_.start("j-1", 2);
   const auto waker = std::make_shared<CountingWaker>();
-  const auto watch = board.watch("j-1", JobChange::kAny, waker);
-  board.progress("j-1", "voxelize", 0, 8);
+  const auto watch = board_.watch("j-1", JobChange::kAny, waker);
+  board_.progress("j-1", "voxelize", 0, 8);
   EXPECT_EQ(waker->wakes, 1);
-  std::this_thread::sleep_for(std::chrono::milliseconds(120));
-  board.tiles_kept("j-1");
+  pass(milliseconds(120));
+  board_.tiles_kept("j-1");
   EXPECT_EQ(waker->wakes, 2);
-  board.tiles_kept("j-1");  // within the throttle: deferred to the next report
+  board_.tiles_kept("j-1");  // within the throttle: deferred to the next report
   EXPECT_EQ(waker->wakes, 2);
-  std::this_thread::sleep_for(std::chrono::milliseconds(120));
-  board.progress("j-1", "voxelize", 0, 8);
+  pass(milliseconds(120));
+  board_.progress("j-1", "voxelize", 0, 8);
   EXPECT_EQ(waker->wakes, 3);
 }
 

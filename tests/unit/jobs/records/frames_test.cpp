@@ -13,7 +13,6 @@ namespace voxeld {
 namespace {
 
 using nlohmann::json;
-using std::chrono::seconds;
 using testing::fake_frame;
 using testing::FakeWorker;
 
@@ -80,7 +79,8 @@ TEST_F(FramesTest, events_count_frames) {
   const Task task = claim(worker, moving());
   worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 1, 8, 2, 9, {}}));
   const auto events =
-      testing::wait_events(*service_, Caller::open(), id_, 0, Clock::now() + seconds(10)).value();
+      testing::wait_events(*service_, Caller::open(), id_, 0, Clock::now() + testing::kPatience)
+          .value();
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.back().type, "progress");
   const json data = json::parse(events.back().data_json);

@@ -29,7 +29,7 @@ class QuotaTest : public testing::ServiceTest {
     FakeWorker worker = connect();
     const auto task = worker.claim();
     EXPECT_TRUE(task && worker.complete(*task, result));
-    return testing::wait_end(*service_, caller, submitted->id, std::chrono::seconds(20)).value();
+    return testing::wait_end(*service_, caller, submitted->id).value();
   }
   bool is_stored(const std::string& text) { return blobs().stat(sha256_id(text)).ok(); }
 
@@ -74,7 +74,7 @@ TEST_F(QuotaTest, frames_of_a_running_job_count_and_what_does_not_fit_ends_it) {
   EXPECT_FALSE(worker.frame(*task, 1, "0123456789").fenced);  // the same grid
   EXPECT_EQ(used(lab_), 14);
   worker.frame(*task, 2, "seven77");
-  const auto status = testing::wait_end(*service_, lab_, id, std::chrono::seconds(20)).value();
+  const auto status = testing::wait_end(*service_, lab_, id).value();
   ASSERT_TRUE(status.error);
   EXPECT_EQ(status.error->code, ErrorCode::kQuotaExceeded);
   EXPECT_EQ(used(lab_), 14);

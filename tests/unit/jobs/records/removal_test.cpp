@@ -51,11 +51,7 @@ class RemovalTest : public ServiceTest {
     unlinked.clear();
   }
   static void wait_for_unlinks(int number) {
-    const auto deadline = Clock::now() + std::chrono::seconds(20);
-    while (unlinks().second < number) {
-      ASSERT_LT(Clock::now(), deadline);
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
+    EXPECT_TRUE(comes_true([&] { return unlinks().second >= number; }));
   }
   std::string put(const Caller& caller, const std::string& text) {
     return service_->put_asset(caller, put_blob(text), "a.ply", "").value().id;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "server/base/sha256.h"
@@ -23,7 +22,7 @@ class ResultStoreTest : public testing::ServiceTest {
   }
   int64_t used(const Caller& caller) { return service_->usage(caller).value().bytes; }
   JobStatus ended(const Caller& caller, const std::string& id) {
-    return testing::wait_end(*service_, caller, id, std::chrono::seconds(20)).value();
+    return testing::wait_end(*service_, caller, id).value();
   }
   // A job of the caller that a worker ended with `text` as result and grid.
   JobStatus finish(const Caller& caller, const std::string& text, int size = 64) {
@@ -62,10 +61,14 @@ class ResultStoreTest : public testing::ServiceTest {
   bool is_stored(const std::string& text) { return blobs().stat(sha256_id(text)).ok(); }
   // Files go with the sweep, a second later.
   bool goes(const std::string& text) {
-    for (int i = 0; i < 400 && is_stored(text); ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    return !is_stored(text);
+    return testing::comes_true([&] { return !is_stored(text); });
+  }
+  // Returns when the sweep has looked at all that was deleted so far: a result that is deleted last
+  // is gone. make_last() before that, while no job is queued.
+  void make_last() { last_ = finish(last_tenant_, kLast).id; }
+  void sweep() {
+    ASSERT_TRUE(service_->delete_result(last_tenant_, last_));
+    EXPECT_TRUE(goes(kLast));
   }
   void expect_deleted(const Result<StoredBlob>& blob, const std::string& message) {
     ASSERT_FALSE(blob);
@@ -76,6 +79,11 @@ class ResultStoreTest : public testing::ServiceTest {
   const Caller lab_ = Caller::tenant("lab", false);
   const Caller studio_ = Caller::tenant("studio", false);
   const Caller boss_ = Caller::tenant("boss", true);
+
+ private:
+  static constexpr const char* kLast = "the last one to be deleted";
+  const Caller last_tenant_ = Caller::tenant("last", false);
+  std::string last_;
 };
 
 TEST_F(ResultStoreTest, a_deleted_result_counts_no_more_and_says_that_it_was_deleted) {
@@ -122,6 +130,7 @@ TEST_F(ResultStoreTest, grids_and_sequences_are_deleted_by_their_ids) {
 }
 
 TEST_F(ResultStoreTest, what_another_tenant_has_stays_and_is_not_told_of) {
+  make_last();
   const JobStatus ours = finish(lab_, "0123456789");
   const JobStatus theirs = finish(studio_, "0123456789");
   for (const Status& hidden :
@@ -140,7 +149,7 @@ TEST_F(ResultStoreTest, what_another_tenant_has_stays_and_is_not_told_of) {
   again.grid = ours.result->grid;
   EXPECT_EQ(service_->submit(lab_, again, {}).error().code, ErrorCode::kGone);
   EXPECT_TRUE(service_->get_result(studio_, theirs.id));
-  std::this_thread::sleep_for(std::chrono::milliseconds(2500));  // a sweep
+  sweep();
   EXPECT_TRUE(service_->get_grid(studio_, theirs.result->grid));
   // An admin's deletion is of every tenant's.
   finish(lab_, "0123456789");
@@ -162,11 +171,12 @@ TEST_F(ResultStoreTest, equal_jobs_share_a_result_and_lose_it_together) {
 }
 
 TEST_F(ResultStoreTest, a_live_job_keeps_the_grid_that_it_works_on) {
+  make_last();
   const std::string grid = finish(lab_, "0123456789").result->grid;
   const JobStatus waits = render(lab_, grid, "");
   ASSERT_TRUE(service_->delete_grid(lab_, grid));
   EXPECT_EQ(used(lab_), 4);
-  std::this_thread::sleep_for(std::chrono::milliseconds(2500));  // a sweep
+  sweep();
   EXPECT_TRUE(is_stored("0123456789"));
   FakeWorker worker = connect();
   const auto task = worker.claim();
@@ -176,11 +186,12 @@ TEST_F(ResultStoreTest, a_live_job_keeps_the_grid_that_it_works_on) {
 }
 
 TEST_F(ResultStoreTest, a_live_job_keeps_the_frames_of_its_sequence) {
+  make_last();
   const std::string sequence = finish_sequence(lab_).result->sequence;
   const JobStatus waits = render(lab_, "", sequence);
   ASSERT_TRUE(service_->delete_sequence(lab_, sequence));
   EXPECT_EQ(used(lab_), 4);
-  std::this_thread::sleep_for(std::chrono::milliseconds(2500));  // a sweep
+  sweep();
   FakeWorker worker = connect();
   const auto task = worker.claim();
   ASSERT_TRUE(task);

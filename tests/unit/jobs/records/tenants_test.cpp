@@ -40,7 +40,7 @@ class TenantsTest : public testing::ServiceTest {
     const auto task = worker.claim();
     EXPECT_TRUE(task && task->id == id);
     EXPECT_TRUE(task && worker.complete(*task, result));
-    return testing::wait_end(*service_, caller, id, std::chrono::seconds(20)).value();
+    return testing::wait_end(*service_, caller, id).value();
   }
   // A sequence of two frames.
   JobStatus finish_sequence(const Caller& caller) {
@@ -53,7 +53,7 @@ class TenantsTest : public testing::ServiceTest {
     worker.frame(*task, 0, "first");
     worker.frame(*task, 1, "second");
     worker.complete_sequence(*task, {"first", "second"}, "all");
-    return testing::wait_end(*service_, caller, id, std::chrono::seconds(20)).value();
+    return testing::wait_end(*service_, caller, id).value();
   }
   static std::string message(const Error& error) { return error.message(); }
 

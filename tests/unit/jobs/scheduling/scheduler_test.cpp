@@ -17,7 +17,6 @@
 namespace voxeld {
 namespace {
 
-using std::chrono::milliseconds;
 using testing::FakeWorker;
 
 std::optional<size_t> pick(const std::vector<QueueHead>& heads, size_t free_slots,
@@ -97,17 +96,20 @@ TEST_F(SchedulerTest, a_tenant_with_many_jobs_leaves_the_last_worker_to_others) 
   for (int i = 0; i < 5; ++i) submit_as("a");
   FakeWorker one = connect(), two = connect(), three = connect();
   std::optional<Task> tasks[3];
+  std::atomic<int> claimed{0};
   std::vector<std::thread> claims;
   FakeWorker* workers[] = {&one, &two, &three};
   for (int i = 0; i < 3; ++i) {
-    claims.emplace_back([&, i] { tasks[i] = workers[i]->claim(); });
+    claims.emplace_back([&, i] {
+      tasks[i] = workers[i]->claim();
+      ++claimed;
+    });
   }
-  const auto running = [&] {
-    return testing::jobs_of(*service_, Caller::daemon(), 100, JobState::kRunning).size();
-  };
-  while (running() < 2) std::this_thread::sleep_for(milliseconds(1));
-  std::this_thread::sleep_for(milliseconds(50));
-  EXPECT_EQ(running(), 2u);  // and not 3
+  ASSERT_TRUE(testing::comes_true([&] { return claimed >= 2; }));
+  // The second job is assigned only while the third worker waits, and its claim returns after that
+  // look into the queue, which came to the third worker, too.
+  EXPECT_EQ(testing::jobs_of(*service_, Caller::daemon(), 100, JobState::kRunning).size(), 2u)
+      << "and not 3";
   const std::string other = submit_as("b");
   for (std::thread& claim : claims) claim.join();
   int of_b = 0;
@@ -124,21 +126,29 @@ TEST_F(SchedulerTest, a_job_whose_deadline_passes_while_it_is_queued_fails_then_
   EXPECT_EQ(status.state, JobState::kFailed);
   EXPECT_EQ(status.error->code, ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(status.error->detail, "the job's deadline has passed");
-  EXPECT_LT(status.ended_ms - status.created_ms, 5000);
   EXPECT_EQ(status.attempt, 0);
   EXPECT_EQ(get(queued).state, JobState::kQueued);
 }
 
 TEST_F(SchedulerTest, a_running_job_whose_deadline_passes_is_told_to_stop_and_fails_with_it) {
-  const std::string id = submit_as("", 0, 150);
   FakeWorker worker = connect();
-  const auto task = worker.claim();
-  ASSERT_TRUE(task);
-  EXPECT_FALSE(worker.progress(*task, "voxelize", 1, 8).cancel);
-  int64_t tile = 1;
-  while (!worker.progress(*task, "voxelize", ++tile, 1'000'000).cancel) {
-    std::this_thread::sleep_for(milliseconds(5));
+  std::string id;
+  std::optional<Task> task;
+  // On a busy machine the deadline may pass before the first report: the worker gets the job
+  // without a deadline, or is told to stop at once, and the next job has a longer one.
+  for (int64_t deadline_ms = 150; !task; deadline_ms *= 2) {
+    ASSERT_LT(deadline_ms, 60'000) << "the first report of a task takes longer";
+    submit_as("");
+    id = submit_as("", 0, deadline_ms);
+    task = worker.claim();
+    ASSERT_TRUE(task);
+    if (task->id == id && !worker.progress(*task, "voxelize", 1, 8).cancel) break;
+    worker.complete(*task, "r");
+    task.reset();
   }
+  int64_t tile = 1;
+  EXPECT_TRUE(testing::comes_true(
+      [&] { return worker.progress(*task, "voxelize", ++tile, 1'000'000).cancel; }));
   EXPECT_TRUE(worker.fail(*task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
   EXPECT_EQ(wait_end(id).error->code, ErrorCode::kDeadlineExceeded);
 }
@@ -166,37 +176,25 @@ TEST_F(SchedulerTest, a_job_that_a_client_waits_for_is_more_urgent_than_others) 
 }
 
 TEST_F(SchedulerTest, the_worker_that_has_the_input_gets_the_next_job_with_it) {
-  FakeWorker one = connect(), two = connect();
+  FakeWorker other = connect(), knows = connect(), busy = connect();
   submit_as("a");
-  FakeWorker* workers[] = {&one, &two};
-  // Both wait; whoever got the first job gets all others of the tenant.
-  std::optional<Task> of_one, of_two;
-  std::atomic<int> claimed{-1};  // the number of the worker that has the job
-  std::thread claim_one([&] {
-    of_one = one.claim();
-    if (of_one) claimed = 0;
-  });
-  std::thread claim_two([&] {
-    of_two = two.claim();
-    if (of_two) claimed = 1;
-  });
-  while (claimed < 0) std::this_thread::sleep_for(milliseconds(1));
-  const int which = claimed;
-  (which == 0 ? claim_one : claim_two).join();
-  const Task done = which == 0 ? *of_one : *of_two;
-  EXPECT_TRUE(workers[which]->complete(done, "r"));
+  const auto first = knows.claim();
+  ASSERT_TRUE(first && knows.complete(*first, "r"));
+  submit_as("a");
+  ASSERT_TRUE(busy.claim());
+  std::thread waits([&] { EXPECT_FALSE(other.claim()); });
   for (int i = 0; i < 5; ++i) {
-    std::optional<Task> next;
-    std::thread claim([&] { next = workers[which]->claim(); });
-    std::this_thread::sleep_for(milliseconds(30));
+    // The tenant has a job that runs, so the last free worker is not for it: this job is assigned
+    // when both wait.
     const std::string id = submit_as("a");
-    claim.join();
-    ASSERT_TRUE(next);
+    const auto next = knows.claim();
+    EXPECT_TRUE(next);
+    if (!next) break;
     EXPECT_EQ(next->id, id);
-    EXPECT_TRUE(workers[which]->complete(*next, "r" + id));
+    EXPECT_TRUE(knows.complete(*next, "r" + id));
   }
   service_.reset();  // ends the other one's wait
-  (which == 0 ? claim_two : claim_one).join();
+  waits.join();
 }
 
 }  // namespace

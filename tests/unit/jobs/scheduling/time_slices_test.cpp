@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "server/base/clock.h"
+#include "tests/unit/base/comes_true.h"
 
 namespace voxeld {
 namespace {
@@ -50,7 +51,7 @@ class TimeSlicesTest : public ::testing::Test {
       const std::lock_guard lock(granted_mutex_);
       granted_.insert(id);
     });
-    while (!slices_->is_waiting(id) && !is_granted(id)) std::this_thread::yield();
+    EXPECT_TRUE(testing::comes_true([&] { return slices_->is_waiting(id) || is_granted(id); }));
     return thread;
   }
   bool is_granted(const std::string& id) {
@@ -58,7 +59,10 @@ class TimeSlicesTest : public ::testing::Test {
     return granted_.contains(id);
   }
   void wait_granted(const std::string& id) {
-    while (!is_granted(id)) std::this_thread::yield();
+    EXPECT_TRUE(testing::comes_true([&] { return is_granted(id); })) << id;
+  }
+  void wait_asked(const std::string& id) {
+    EXPECT_TRUE(testing::comes_true([&] { return slices_->is_waiting(id); })) << id;
   }
   void hold(milliseconds time) { now_ms_ += time.count(); }
 
@@ -91,7 +95,7 @@ TEST_F(TimeSlicesTest, tenants_that_always_ask_have_shares_of_their_weights) {
         outcome = slices_->renew(id, 1, [&rounds] { return rounds <= 0; });
       }
     });
-    while (!slices_->is_waiting(id)) std::this_thread::yield();
+    wait_asked(id);
   }
   slices_->give("gate", 1);
   for (std::thread& thread : threads) thread.join();
@@ -184,7 +188,7 @@ TEST_F(TimeSlicesTest, a_stopped_task_ends_its_wait_and_delays_no_other) {
     const auto outcome = slices_->take("cancelled", 1, {}, [&] { return cancel.load(); });
     EXPECT_EQ(*outcome, Outcome::kStopped);
   });
-  while (!slices_->is_waiting("cancelled")) std::this_thread::yield();
+  wait_asked("cancelled");
   std::thread next = ask("next");
   cancel = true;
   waiter.join();
@@ -201,7 +205,7 @@ TEST_F(TimeSlicesTest, a_task_that_ends_fences_its_waiting_call_and_releases_its
   begin("next", "c");
   ASSERT_EQ(take("holder"), Outcome::kGranted);
   std::thread lost([this] { EXPECT_EQ(*slices_->take("lost", 1, {}, {}), Outcome::kFenced); });
-  while (!slices_->is_waiting("lost")) std::this_thread::yield();
+  wait_asked("lost");
   slices_->end_task("lost", 1);
   lost.join();
   std::thread next = ask("next");
@@ -218,7 +222,6 @@ TEST_F(TimeSlicesTest, a_deadline_that_passes_ends_the_wait) {
   begin("late", "b", 0, unix_time_ms() + 60);
   ASSERT_EQ(take("holder"), Outcome::kGranted);
   EXPECT_EQ(*slices_->take("late", 1, {}, {}), Outcome::kStopped);
-  EXPECT_GE(unix_time_ms(), 0);
 }
 
 TEST_F(TimeSlicesTest, the_share_of_a_tenant_grows_during_its_slice) {

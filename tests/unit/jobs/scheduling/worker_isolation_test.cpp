@@ -216,8 +216,7 @@ class IsolatedProcesses : public ::testing::Test {
     JobRequest request;
     request.asset = service_->put_asset(caller, writer->finish().value(), "pid.ply", "").value().id;
     const std::string job = service_->submit(caller, request, {}).value().id;
-    const JobStatus ended =
-        testing::wait_end(*service_, caller, job, std::chrono::seconds(60)).value();
+    const JobStatus ended = testing::wait_end(*service_, caller, job).value();
     EXPECT_EQ(ended.state, JobState::kDone);
     EXPECT_EQ(ended.attempt, 1);
     if (!ended.result) return "";

@@ -12,6 +12,7 @@
 
 #include "server/jobs/service/job_service.h"
 #include "server/process/child_process.h"
+#include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -58,9 +59,7 @@ TEST_F(CrashTest, no_acknowledged_job_is_lost) {
     ChildProcess child;
     ASSERT_TRUE(child.spawn("/bin/sh", {"-c", command}));
     // At least one new acknowledgement, then a moment more that differs from round to round.
-    for (int tries = 0; tries < 2000 && acknowledged().size() <= before; ++tries) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
+    EXPECT_TRUE(testing::comes_true([&] { return acknowledged().size() > before; }));
     std::this_thread::sleep_for(std::chrono::milliseconds(7 * i));
     ASSERT_TRUE(child.send_signal(SIGKILL));
     EXPECT_EQ(child.wait().signal, SIGKILL);

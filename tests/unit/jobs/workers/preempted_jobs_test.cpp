@@ -29,7 +29,8 @@ class PreemptedJobs : public testing::ServiceTest {
   // Reports until the gateway asks to preempt, or for longer than it takes to.
   static bool is_asked(FakeWorker& worker, const Task& task, bool is_preemptible) {
     TaskProgress progress{task.id, task.fence, "voxelize", 3, 8, 0, 0, {}, is_preemptible, 1};
-    const auto until = Clock::now() + std::chrono::seconds(is_preemptible ? 20 : 2);
+    const auto until =
+        Clock::now() + (is_preemptible ? testing::kPatience : std::chrono::seconds(2));
     while (Clock::now() < until) {
       const auto reply = worker.call(to_json_message(progress));
       if (!reply) return false;

@@ -7,11 +7,13 @@
 #include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <thread>
 
 #include "server/base/sha256.h"
 #include "server/jobs/database/sqlite_connection.h"
+#include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"
@@ -23,7 +25,6 @@ using nlohmann::json;
 using testing::FakeWorker;
 using Clock = JobService::Clock;
 using std::chrono::milliseconds;
-using std::chrono::seconds;
 
 class TaskServerTest : public ::testing::Test {
  protected:
@@ -39,7 +40,9 @@ class TaskServerTest : public ::testing::Test {
     service_ = *std::move(service);
   }
   std::filesystem::path socket() const { return dir_.path() / "data/run/tasks.sock"; }
-  FakeWorker connect(const std::string& device = "llvmpipe") { return {socket(), device}; }
+  FakeWorker connect(const std::string& device = "llvmpipe") {
+    return {socket(), device, testing::kPatience};
+  }
   std::string put_asset(const std::string& text) {
     auto writer = service_->begin_upload(1 << 20);
     EXPECT_TRUE(writer);
@@ -57,10 +60,10 @@ class TaskServerTest : public ::testing::Test {
     return status->id;
   }
   JobStatus wait_end(const std::string& id) {
-    return testing::wait_end(*service_, Caller::open(), id, std::chrono::seconds(20)).value();
+    return testing::wait_end(*service_, Caller::open(), id).value();
   }
   JobStatus wait_for(const std::string& id, JobState state) {
-    const auto deadline = Clock::now() + seconds(20);
+    const auto deadline = Clock::now() + testing::kPatience;
     JobStatus status = service_->get(Caller::open(), id).value();
     while (status.state != state && Clock::now() < deadline) {
       status = testing::wait_change(*service_, Caller::open(), id, status.version,
@@ -127,26 +130,25 @@ TEST_F(TaskServerTest, a_job_that_runs_too_long_fails_with_the_limit_and_is_not_
   start();
   const std::string id = submit();
   FakeWorker worker = connect();
-  const auto task = worker.claim();
-  ASSERT_TRUE(task);
+  const auto task = worker.claim();  // none where its time is over before the reply
   const JobStatus status = wait_end(id);
   ASSERT_EQ(status.state, JobState::kFailed);
   EXPECT_EQ(status.error->code, ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(status.error->detail, "the job ran too long");
   EXPECT_EQ(status.attempt, 1);
-  EXPECT_FALSE(worker.complete(*task, "too late"));
+  EXPECT_FALSE(task && worker.complete(*task, "too late"));
 }
 
 TEST_F(TaskServerTest, a_worker_that_takes_too_much_memory_ends_its_job_alone) {
   limits_.worker_memory_bytes_max = 1;  // the worker is this process
   start();
   const std::string id = submit();
-  FakeWorker worker = connect();
-  if (!worker.claim()) {
-    // It was ended before it had a task: idle workers count, too.
-    EXPECT_EQ(service_->get(Caller::open(), id).value().state, JobState::kQueued);
-    return;
-  }
+  // A worker may be ended before it has a task, since idle ones count, too.
+  std::optional<FakeWorker> worker;
+  EXPECT_TRUE(testing::comes_true([&] {
+    worker = FakeWorker::try_connect(socket(), "llvmpipe", testing::kPatience);
+    return (worker && worker->claim()) || service_->get(Caller::open(), id).value().ended();
+  }));
   const JobStatus status = wait_end(id);
   ASSERT_EQ(status.state, JobState::kFailed);
   EXPECT_EQ(status.error->code, ErrorCode::kGridTooLarge);
@@ -158,18 +160,17 @@ TEST_F(TaskServerTest,
   limits_.all_workers_memory_bytes_max = 1;
   start();
   const std::string id = submit();
-  JobStatus status;
-  do {
-    FakeWorker worker = connect();
+  EXPECT_TRUE(testing::comes_true([&] {
+    auto worker = FakeWorker::try_connect(socket(), "llvmpipe", testing::kPatience);
     // Without a task it was ended while it waited.
-    if (const auto task = worker.claim()) {
-      while (!worker.progress(*task, "parse", 0, 0).fenced) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(10));
-      }
+    if (const auto task = worker ? worker->claim() : std::nullopt) {
+      EXPECT_TRUE(
+          testing::comes_true([&] { return worker->progress(*task, "parse", 0, 0).fenced; }));
     }
-    status = service_->get(Caller::open(), id).value();
-  } while (!status.ended() && status.attempt < limits::kJobAttemptsMax);
-  status = wait_end(id);
+    const JobStatus now = service_->get(Caller::open(), id).value();
+    return now.ended() || now.attempt >= limits::kJobAttemptsMax;
+  }));
+  const JobStatus status = wait_end(id);
   ASSERT_EQ(status.state, JobState::kFailed);
   EXPECT_EQ(status.error->code, ErrorCode::kWorkerCrashed);
   EXPECT_TRUE(status.error->detail.starts_with("the job ended 3 workers: memory of all workers: "))
@@ -265,18 +266,24 @@ TEST_F(TaskServerTest, a_running_job_that_no_worker_has_is_put_back_uncounted) {
   EXPECT_EQ(wait_end(id).state, JobState::kDone);
 }
 
+// Each claim begins with a look for running jobs that no worker has.
 TEST_F(TaskServerTest, a_job_that_a_worker_has_is_not_put_back) {
   const std::string id = submit();
-  FakeWorker working = connect(), idle = connect();
+  FakeWorker working = connect(), next = connect();
   const auto task = working.claim();
   ASSERT_TRUE(task);
-  std::thread looking([&] { EXPECT_FALSE(idle.claim()); });
-  std::this_thread::sleep_for(seconds(3));  // an idle worker looks every two seconds
+  JobRequest urgent;  // takes the last free worker though its tenant has another one
+  urgent.asset = put_asset("mesh");
+  urgent.options.use_cache = false;
+  urgent.priority = 5;
+  const std::string urgent_id = service_->submit(Caller::open(), urgent, {}).value().id;
+  const auto other = next.claim();
+  ASSERT_TRUE(other);
+  EXPECT_EQ(other->id, urgent_id);
   EXPECT_EQ(service_->get(Caller::open(), id)->state, JobState::kRunning);
   EXPECT_TRUE(working.complete(*task, "voxels"));
   EXPECT_EQ(wait_end(id).state, JobState::kDone);
-  service_.reset();
-  looking.join();
+  EXPECT_EQ(service_->get(Caller::open(), id)->attempt, 1);
 }
 
 TEST_F(TaskServerTest, three_lost_workers_fail_the_job) {
@@ -323,24 +330,25 @@ TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
     std::this_thread::sleep_for(milliseconds(50));
     EXPECT_FALSE(worker.progress(*task, "voxelize", 2, 8).cancel);
   });
-  const JobStatus status =
-      testing::wait_change(*service_, Caller::open(), id, version, Clock::now() + seconds(10))
-          .value();
+  const JobStatus status = testing::wait_change(*service_, Caller::open(), id, version,
+                                                Clock::now() + testing::kPatience)
+                               .value();
   reporter.join();
   EXPECT_EQ(status.version, version + 1);
   EXPECT_EQ(status.stage, "voxelize");
   EXPECT_EQ(status.tiles_done, 2);
   const auto events =
-      testing::wait_events(*service_, Caller::open(), id, 0, Clock::now() + seconds(10)).value();
+      testing::wait_events(*service_, Caller::open(), id, 0, Clock::now() + testing::kPatience)
+          .value();
   ASSERT_EQ(events.size(), 3u);
   EXPECT_EQ(events[0].type, "state");
   EXPECT_EQ(events[2].type, "progress");
   EXPECT_EQ(events[2].id, version + 1);
   EXPECT_EQ(json::parse(events[2].data_json)["id"], id);
   ASSERT_TRUE(worker.complete(*task, "x"));
-  const auto last =
-      testing::wait_events(*service_, Caller::open(), id, events[2].id, Clock::now() + seconds(10))
-          .value();
+  const auto last = testing::wait_events(*service_, Caller::open(), id, events[2].id,
+                                         Clock::now() + testing::kPatience)
+                        .value();
   ASSERT_EQ(last.size(), 1u);
   EXPECT_EQ(last[0].type, "state");
   EXPECT_GT(last[0].id, events[2].id);

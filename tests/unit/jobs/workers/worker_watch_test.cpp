@@ -4,12 +4,13 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <chrono>
 #include <set>
-#include <thread>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "server/process/machine.h"
+#include "tests/unit/base/comes_true.h"
 
 namespace voxeld {
 namespace {
@@ -24,7 +25,7 @@ void watch_once(WatchLimits limits, const std::vector<WatchedWorker>& workers,
   };
   const WorkerWatch watch(limits, std::move(calls));
   // The second one begins when the first has ended.
-  while (looks < 2) std::this_thread::sleep_for(WorkerWatch::kPeriod / 20);
+  EXPECT_TRUE(testing::comes_true([&] { return looks >= 2; }));
 }
 
 // The verdicts of the watch on this very process as a worker.
