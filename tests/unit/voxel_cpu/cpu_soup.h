@@ -153,8 +153,8 @@ inline std::string difference(const Cells& got, const Cells& expected) {
   return text;
 }
 
-// Each supported instruction set, on one thread. One run of the oracle, which takes most of the time
-// of a test, serves all of them.
+// Each supported instruction set, on one thread. One run of the oracle serves all of them: it takes
+// most of the time of a test.
 class TouchOfIsas {
  public:
   explicit TouchOfIsas(Rule rule = Rule::kTouch) {
