@@ -10,11 +10,11 @@
 namespace voxeld {
 namespace {
 
-// References of one file list that are tried in all encodings. Further ones are not: 1,000 names
-// take some milliseconds for each.
-constexpr int kEncodedGuessesMax = 1000;
+// References that are tried in all encodings. Further ones are not: 1,000 names take some
+// milliseconds for each.
+constexpr size_t kEncodedReferencesMax = 256;
 // Parts of a path that are tried, from its end.
-constexpr size_t kPathPartsMax = 16;
+constexpr size_t kPathPartsMax = 8;
 
 int hex_digit(char c) {
   if (c >= '0' && c <= '9') return c - '0';
@@ -94,7 +94,12 @@ std::vector<std::string> last_parts(std::string_view reference) {
 // Finds the last parts of `reference`: beside the mesh, below its folder, and anywhere.
 std::optional<size_t> find_last_parts(std::span<const std::string> names,
                                       std::string_view reference, std::string_view folder) {
-  for (const std::string& end : last_parts(reference)) {
+  const std::vector<std::string> ends = last_parts(reference);
+  const auto is_last_part = [&](const std::string& name) {
+    return name.size() >= ends.back().size() && equals_ignoring_case(base_name(name), ends.back());
+  };
+  if (ends.empty() || std::none_of(names.begin(), names.end(), is_last_part)) return std::nullopt;
+  for (const std::string& end : ends) {
     if (const auto found = find_one(names, std::string(folder) + end, false, {})) return found;
     if (const auto found = find_one(names, end, true, folder)) return found;
     if (const auto found = find_one(names, end, true, {})) return found;
@@ -221,7 +226,12 @@ const std::vector<FileNames::Reading>& FileNames::readings() const {
 std::optional<NameMatch> FileNames::resolve_encoded(std::string_view reference,
                                                     std::string_view from) const {
   const bool is_readable = is_utf8(reference);
-  if ((is_utf8_ && is_readable) || guess_count_++ >= kEncodedGuessesMax) return std::nullopt;
+  const bool is_ascii = std::ranges::all_of(reference, [](char c) { return (c & 0x80) == 0; });
+  if (is_ascii || (is_utf8_ && is_readable)) return std::nullopt;
+  const std::pair<std::string, std::string> key(reference, from);
+  if (const auto known = encoded_.find(key); known != encoded_.end()) return known->second;
+  if (encoded_.size() == kEncodedReferencesMax) return std::nullopt;
+  std::optional<NameMatch>& result = encoded_[key];
   std::optional<NameMatch> match;
   for (const Reading& reading : readings()) {
     const auto mesh =
@@ -241,7 +251,7 @@ std::optional<NameMatch> FileNames::resolve_encoded(std::string_view reference,
       match = NameMatch{*found, std::move(guess)};
     }
   }
-  return match;
+  return result = std::move(match);
 }
 
 }  // namespace voxeld

@@ -4,9 +4,11 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace voxeld {
@@ -52,7 +54,8 @@ class FileNames {
   std::vector<Reading> as_written_{{}};
   bool is_utf8_ = true;                    // all names
   mutable std::vector<Reading> readings_;  // in the encodings that read all names
-  mutable int guess_count_ = 0;
+  // What resolve_encoded() found.
+  mutable std::map<std::pair<std::string, std::string>, std::optional<NameMatch>> encoded_;
 };
 
 }  // namespace voxeld

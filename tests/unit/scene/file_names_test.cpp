@@ -124,6 +124,15 @@ TEST(FileNames, an_encoding_must_read_all_names_and_two_must_not_disagree) {
   expect_matches({"\x84.png", "\xe4.png"}, "", {{"ä.png", nullptr}});
 }
 
+TEST(FileNames, more_references_than_the_limit_are_not_tried_in_all_encodings) {
+  const FileNames files({"\x95\x5c.png"});
+  for (int i = 0; i < 1000; ++i) EXPECT_FALSE(files.resolve(std::to_string(i), "")) << "ASCII";
+  for (int i = 0; i < 255; ++i) EXPECT_FALSE(files.resolve("é" + std::to_string(i), ""));
+  EXPECT_TRUE(files.resolve("表.png", ""));
+  EXPECT_FALSE(files.resolve("C:\\表.png", ""));
+  EXPECT_TRUE(files.resolve("表.png", "")) << "it is known";
+}
+
 TEST(FileNames, every_encoding_reads_its_own_characters) {
   struct Case {
     const char* encoding;
