@@ -34,8 +34,8 @@ class MeshSource {
 
 // Relative paths that the file names, in order and once each; only those inside its folder.
 // Understands .obj (with the .mtl it names), .ply, .gltf, .glb and .md5mesh (with .mtr files and
-// images of its folder, and .md5anim files with the same joints). Empty for other files. A name that
-// is not there may mean another file of the folder or below (FileNames).
+// images of its folder, and .md5anim files with the same joints). Empty for other files. A name
+// that is not there may mean another file of the folder or below (FileNames).
 std::vector<std::string> referenced_files(const std::filesystem::path& mesh);
 
 }  // namespace voxeld::cli

@@ -53,8 +53,8 @@ struct DeviceInfo {
   int64_t loop_iterations_max = 0;      // per shader invocation group; 0: no known limit
 };
 
-// Whether GL_RENDERER names a driver that computes on the CPU, also that of a virtual machine's host
-// or of another API below OpenGL. A GPU by number is refused there.
+// Whether GL_RENDERER names a driver that computes on the CPU, also that of a virtual machine's
+// host or of another API below OpenGL. A GPU by number is refused there.
 bool is_software_renderer(std::string_view renderer);
 
 // The result of probing a device. Each is opened in a child process, so that a broken driver ends

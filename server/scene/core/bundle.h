@@ -28,7 +28,8 @@ class Bundle {
   virtual const std::vector<Entry>& entries() const = 0;
   // The entry that `reference` means in the file `from` ("models/a.obj"); nullopt if there is none.
   virtual std::optional<NameMatch> resolve(std::string_view reference, std::string_view from) const;
-  // Bytes of that entry; nullopt if there is none. Errors: malformed-bundle (broken entry, over a limit).
+  // Bytes of that entry; nullopt if there is none. Errors: malformed-bundle (broken entry, over a
+  // limit).
   virtual Result<std::optional<std::vector<uint8_t>>> find(std::string_view reference,
                                                            std::string_view from) const = 0;
 };

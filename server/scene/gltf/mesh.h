@@ -14,8 +14,8 @@ namespace voxeld::gltf {
 // bindings to the rig. Skins and morph targets stand in the pose in which the file
 // leaves them. Unused vertices are omitted, because files share one vertex array among many
 // primitives. Primitives of points and lines, which have no surface, and those without POSITION are
-// omitted with the warning "skipped-primitive", corners that are no whole triangle at the end of one
-// with "incomplete-triangle".
+// omitted with the warning "skipped-primitive", corners that are no whole triangle at the end of
+// one with "incomplete-triangle".
 //
 // Errors: malformed-mesh for accessors of wrong types, ranges and counts, coordinates that are not
 // finite, and joints that do not exist; empty-mesh; unsupported-feature for compressed data.
