@@ -23,4 +23,13 @@ inline bool is_blank(char c) {
 // differs from `bytes`; both must outlive it.
 std::string_view plain_text(std::span<const uint8_t> bytes, std::string& storage);
 
+// The text without blanks and line ends at both sides.
+std::string_view trimmed(std::string_view text);
+// Equality of ASCII text without regard to case.
+bool equals_ignoring_case(std::string_view a, std::string_view b);
+// Whether it is UTF-8 without overlong forms and surrogates (RFC 3629).
+bool is_utf8(std::string_view text);
+// Appends the character with number `c`.
+void append_utf8(uint32_t c, std::string& out);
+
 }  // namespace voxeld

@@ -14,9 +14,11 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <span>
+#include <sstream>
 #include <string_view>
 
 #include "client/cli/output_name.h"
+#include "proto/file_names/file_names.h"
 #include "proto/text_file.h"
 
 namespace voxeld::cli {
@@ -24,6 +26,12 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
+
+// Files that are listed below the mesh's folder, near ones first, to find one under another name.
+// Further ones are not found.
+constexpr size_t kListedFilesMax = 20'000;
+// The header of a PLY or GLB is read up to here.
+constexpr size_t kHeaderBytesMax = size_t{1} << 20;
 
 // Collects distinct names of existing files inside the mesh's folder. A mesh file may come from
 // anyone, and the files it names are sent away. Therefore no name and no symbolic link may lead out
@@ -34,14 +42,17 @@ class Names {
     std::error_code error;
     real_folder_ = fs::canonical(folder_, error);
   }
-  // Adds a name and returns its path as listed; empty if it is refused.
+  // Adds a name as it is and returns its path as listed; empty if it is refused.
   std::string add(std::string name) {
     std::ranges::replace(name, '\\', '/');
-    const fs::path path = fs::path(name).lexically_normal();
-    if (path.empty() || path.is_absolute() || *path.begin() == "..") return "";
-    if (!is_file_inside(path)) return "";
-    if (seen_.insert(path.string()).second) list_.push_back(path.string());
-    return path.string();
+    return add_path(fs::path(name).lexically_normal());
+  }
+  // Adds the file that the daemon will take for the reference: in another case, in another folder
+  // below, or in a legacy encoding.
+  std::string add_similar(std::string reference) {
+    if (!is_listed_) list_files();
+    const auto found = files_.resolve(reference, "");
+    return found ? add_path(file_names_[found->index]) : "";
   }
   // Whether it is a file that is inside the folder after all links are followed.
   bool is_file_inside(const fs::path& path) const {
@@ -54,9 +65,41 @@ class Names {
   std::vector<std::string> take() { return std::move(list_); }
 
  private:
+  std::string add_path(const fs::path& path) {
+    if (path.empty() || path.is_absolute() || *path.begin() == "..") return "";
+    if (!is_file_inside(path)) return "";
+    if (seen_.insert(path.string()).second) list_.push_back(path.string());
+    return path.string();
+  }
+  // Lists by breadth. Hidden folders and links to folders are not entered.
+  void list_files() {
+    is_listed_ = true;
+    std::vector<fs::path> folders = {""};
+    for (size_t i = 0; i < folders.size() && file_names_.size() < kListedFilesMax; ++i) {
+      std::error_code error;
+      std::vector<fs::path> here;
+      for (fs::directory_iterator at(folder_ / folders[i], error), end; !error && at != end;
+           at.increment(error)) {
+        here.push_back(at->path().filename());
+        if (here.size() == kListedFilesMax) break;
+      }
+      std::ranges::sort(here);
+      for (const fs::path& name : here) {
+        const fs::path path = folders[i] / name;
+        const auto status = fs::symlink_status(folder_ / path, error);
+        if (!fs::is_directory(status)) file_names_.push_back(path.string());
+        if (fs::is_directory(status) && name.native()[0] != '.') folders.push_back(path);
+      }
+    }
+    files_ = FileNames(file_names_);
+  }
+
   fs::path folder_, real_folder_;
   std::set<std::string> seen_;
   std::vector<std::string> list_;
+  bool is_listed_ = false;
+  std::vector<std::string> file_names_;  // all below the folder
+  FileNames files_;
 };
 
 struct Statement {
@@ -143,25 +186,46 @@ std::vector<std::string> with_and_without_comment(const std::string& rest) {
 // Adds a texture. Its name may contain blanks and follows options, some with an unknown number of
 // values. It is therefore the longest end of the line that is a file.
 void add_texture(const std::string& line, Names& names) {
-  for (const std::string& rest : with_and_without_comment(line)) {
-    for (const size_t start : word_starts(rest)) {
-      if (!names.add(rest.substr(start)).empty()) return;
+  const std::vector<std::string> both = with_and_without_comment(line);
+  for (const auto add : {&Names::add, &Names::add_similar}) {
+    for (const std::string& rest : both) {
+      for (const size_t start : word_starts(rest)) {
+        if (!(names.*add)(rest.substr(start)).empty()) return;
+      }
     }
   }
 }
 
-// Adds the names of a mtllib line: one name with blanks, or otherwise every word. Returns the names
-// that were added.
-std::vector<std::string> add_libraries(const std::string& line, Names& names) {
-  const std::vector<std::string> both = with_and_without_comment(line);
-  for (const std::string& rest : both) {
-    if (std::string name = names.add(rest); !name.empty()) return {std::move(name)};
+// The names of a mtllib line. Each may contain blanks and ends with ".mtl" or with the line.
+std::vector<std::string> library_names(const std::string& line) {
+  std::vector<std::string> names;
+  size_t begin = 0;
+  for (const size_t start : word_starts(line)) {
+    const std::string word = word_at(line, start);
+    if (begin == start && !names.empty() && word[0] == '#') return names;
+    if (!lower_case(word).ends_with(".mtl")) continue;
+    names.push_back(line.substr(begin, start + word.size() - begin));
+    begin = std::min(line.find_first_not_of(" \t", start + word.size()), line.size());
   }
+  if (begin < line.size()) names.push_back(line.substr(begin));
+  return names;
+}
+
+// Adds the files of a mtllib line: of each name, or otherwise of every word of it. Returns what was
+// added.
+std::vector<std::string> add_libraries(const std::string& line, Names& names) {
   std::vector<std::string> libraries;
-  for (const size_t start : word_starts(both.back())) {
-    if (std::string name = names.add(word_at(both.back(), start)); !name.empty()) {
-      libraries.push_back(std::move(name));
-    }
+  const auto add = [&](const std::string& text) {
+    std::string name = names.add(text);
+    if (name.empty()) name = names.add_similar(text);
+    if (name.empty()) return false;
+    libraries.push_back(std::move(name));
+    return true;
+  };
+  for (const std::string& name : library_names(line)) {
+    if (add(name)) continue;
+    const std::string plain = with_and_without_comment(name).back();
+    for (const size_t start : word_starts(plain)) add(word_at(plain, start));
   }
   return libraries;
 }
@@ -182,25 +246,6 @@ std::vector<std::string> files_of_obj(const fs::path& mesh) {
   return names.take();
 }
 
-std::string percent_decoded(const std::string& text) {
-  const auto digit = [](char c) {
-    return c >= '0' && c <= '9'                 ? c - '0'
-           : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10
-                                                : -1;
-  };
-  std::string out;
-  for (size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 &&
-        digit(text[i + 2]) >= 0) {
-      out += static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2]));
-      i += 2;
-    } else {
-      out += text[i];
-    }
-  }
-  return out;
-}
-
 // Trims as the daemon does when it reads a URI.
 std::string without_outer_blanks(const std::string& uri) {
   const auto is_blank = [](unsigned char c) { return c <= 0x20; };
@@ -209,19 +254,65 @@ std::string without_outer_blanks(const std::string& uri) {
   return {begin, end.base()};
 }
 
+// The JSON of a .gltf, or of a .glb, whose buffers and images may be files, too.
+std::string gltf_json(const fs::path& mesh) {
+  std::ifstream file(mesh, std::ios::binary);
+  std::array<unsigned char, 20> head{};  // file header of GLB, and header of its first chunk
+  file.read(reinterpret_cast<char*>(head.data()), head.size());
+  const std::string_view magic(reinterpret_cast<const char*>(head.data()), 4);
+  if (magic != "glTF") {
+    file.clear();
+    file.seekg(0);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  size_t bytes = 0;
+  for (size_t i = 16; i-- > 12;) bytes = bytes << 8 | head[i];
+  std::error_code error;
+  const auto file_bytes = fs::file_size(mesh, error);
+  if (error || bytes > file_bytes) return "";
+  std::string json(bytes, '\0');
+  file.read(json.data(), static_cast<std::streamsize>(bytes));
+  return json;
+}
+
 std::vector<std::string> files_of_gltf(const fs::path& mesh) {
   Names names(mesh.parent_path());
-  std::ifstream file(mesh);
   // A broken document is sent unchanged, so the daemon reports the error.
-  const Json document = Json::parse(file, nullptr, false);
+  const Json document = Json::parse(gltf_json(mesh), nullptr, false);
   for (const char* list : {"buffers", "images"}) {
     if (!document.is_object() || !document.contains(list) || !document[list].is_array()) continue;
     for (const Json& item : document[list]) {
       if (!item.is_object() || !item.contains("uri") || !item["uri"].is_string()) continue;
       const std::string uri = without_outer_blanks(item["uri"].get<std::string>());
       if (uri.starts_with("data:")) continue;
-      if (names.add(percent_decoded(uri)).empty()) names.add(uri);
+      if (names.add(percent_decoded(uri)).empty() && names.add(uri).empty()) names.add_similar(uri);
     }
+  }
+  return names.take();
+}
+
+// The textures of "comment TextureFile NAME", where "<this>" is the stem of the mesh's own name.
+std::vector<std::string> files_of_ply(const fs::path& mesh) {
+  Names names(mesh.parent_path());
+  std::ifstream file(mesh, std::ios::binary);
+  std::string header(kHeaderBytesMax, '\0');
+  file.read(header.data(), static_cast<std::streamsize>(header.size()));
+  header.resize(static_cast<size_t>(file.gcount()));
+  header.resize(std::min(header.find("end_header"), header.size()));
+  std::ranges::replace(header, '\r', '\n');
+  constexpr std::string_view kKey = "TextureFile", kThis = "<this>";
+  std::istringstream lines(header);
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<size_t> words = word_starts(line);
+    if (words.size() < 3 || word_at(line, words[0]) != "comment") continue;
+    if (!equals_ignoring_case(word_at(line, words[1]), kKey)) continue;
+    std::string name = line.substr(words[2], line.find_last_not_of(" \t") + 1 - words[2]);
+    for (size_t at = 0; (at = lower_case(name).find(kThis, at)) != name.npos;) {
+      const std::string stem = mesh.stem().string();
+      name.replace(at, kThis.size(), stem);
+      at += stem.size();
+    }
+    if (names.add(name).empty()) names.add_similar(name);
   }
   return names.take();
 }
@@ -331,7 +422,9 @@ void write_zip(const fs::path& archive, const std::vector<Entry>& entries) {
   for (const Entry& entry : entries) {
     zip_source_t* file = zip_source_file(zip, entry.path.c_str(), 0, -1);
     const zip_int64_t index =
-        file == nullptr ? -1 : zip_file_add(zip, entry.name.c_str(), file, ZIP_FL_ENC_UTF_8);
+        file == nullptr ? -1
+                        : zip_file_add(zip, entry.name.c_str(), file,
+                                       is_utf8(entry.name) ? ZIP_FL_ENC_UTF_8 : ZIP_FL_ENC_GUESS);
     if (index < 0) {
       const std::string why = zip_strerror(zip);
       if (file != nullptr) zip_source_free(file);
@@ -387,7 +480,8 @@ client::Source stdin_source() {
 std::vector<std::string> referenced_files(const fs::path& mesh) {
   const std::string extension = lower_case(mesh.extension().string());
   if (extension == ".obj") return files_of_obj(mesh);
-  if (extension == ".gltf") return files_of_gltf(mesh);
+  if (extension == ".gltf" || extension == ".glb") return files_of_gltf(mesh);
+  if (extension == ".ply") return files_of_ply(mesh);
   if (extension == ".md5mesh") return files_of_md5(mesh);
   return {};
 }

@@ -14,10 +14,10 @@ namespace voxeld::cli {
 // The data to send for one input of the command line.
 class MeshSource {
  public:
-  // Opens `input`, a path or "-" for stdin. An .obj, .gltf or .md5mesh that names other files
-  // (materials, textures, buffers, animations) becomes a zip with them, in a temporary file. Names
-  // that lead out of the mesh's folder and missing files are omitted; the daemon's response names
-  // them.
+  // Opens `input`, a path or "-" for stdin. An .obj, .ply, .gltf, .glb or .md5mesh that names
+  // other files (materials, textures, buffers, animations) becomes a zip with them, in a temporary
+  // file. Names that lead out of the mesh's folder and missing files are omitted; the daemon's
+  // response names them.
   //
   // `beside`: paths of files that are sent with it under their own names, such as animations.
   // Throws client::Error "file".
@@ -33,8 +33,9 @@ class MeshSource {
 };
 
 // Relative paths that the file names, in order and once each; only those inside its folder.
-// Understands .obj (with the .mtl it names), .gltf and .md5mesh (with .mtr files and images of its
-// folder, and .md5anim files with the same joints). Empty for other files.
+// Understands .obj (with the .mtl it names), .ply, .gltf, .glb and .md5mesh (with .mtr files and
+// images of its folder, and .md5anim files with the same joints). Empty for other files. A name
+// that is not there may mean another file of the folder or below (FileNames).
 std::vector<std::string> referenced_files(const std::filesystem::path& mesh);
 
 }  // namespace voxeld::cli

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <nlohmann/json.hpp>
 
 #include "proto/channels.h"
 #include "proto/hex.h"
@@ -12,6 +11,7 @@
 #include "proto/options/morphology_limits.h"
 #include "proto/options/words.h"
 #include "proto/palette.h"
+#include "proto/text_file.h"
 
 namespace voxeld::option_codecs {
 namespace {
@@ -114,12 +114,6 @@ Result<std::optional<Channel>> read_one_channel(std::string_view name, std::stri
 }
 
 // Canonical JSON holds the animation's name, and JSON must be UTF-8.
-bool is_utf8(std::string_view text) {
-  using Handler = nlohmann::json::error_handler_t;
-  const nlohmann::json json(text);
-  return json.dump(-1, ' ', false, Handler::replace) == json.dump(-1, ' ', false, Handler::ignore);
-}
-
 static_assert(client_texts::kAnimation.bytes_max == client_texts::kVariant.bytes_max);
 Result<std::string> read_name_or_number(std::string_view name, std::string_view text) {
   if (text.empty() || text.size() > client_texts::kAnimation.bytes_max ||

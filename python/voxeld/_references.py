@@ -6,6 +6,7 @@ lead out of the folder of the mesh.
 from __future__ import annotations
 
 import json
+import os
 import pathlib
 import posixpath
 import re
@@ -13,6 +14,39 @@ import urllib.parse
 from collections.abc import Iterator
 
 IMAGES = {".tga", ".png", ".jpg", ".jpeg", ".dds", ".bmp"}
+# Files that are listed below the folder of a mesh, to find one under another name.
+LISTED_MAX = 20_000
+HEADER_MAX = 1 << 20
+ENCODINGS = ("gbk", "cp932", "cp950", "cp949", "cp1252", "cp850", "cp437", "cp1250", "cp852", "cp1251", "cp866")
+
+
+def _read_as(name: str, encoding: str | None) -> str | None:
+    """A name in an encoding, if its bytes are not UTF-8 (surrogates stand for them). None if it is not valid there."""
+    if encoding is None or not re.search("[\udc80-\udcff]", name):
+        return name
+    try:
+        return name.encode("utf-8", "surrogateescape").decode(encoding)
+    except UnicodeError:
+        return None
+
+
+def _find(names: list[str], reference: str) -> int | None:
+    """The only name that the last parts of a path mean, as many as fit; in another case if none is in the same."""
+    parts: list[str] = []
+    for part in reversed(re.split(r"[/\\]", reference)):
+        if part == ".." or part.endswith(":"):
+            break
+        if part not in ("", "."):
+            parts.insert(0, part)
+    for start in range(len(parts)):
+        end = "/".join(parts[start:])
+        for beside in (True, False):
+            fits = [i for i, name in enumerate(names) if name.lower() == end.lower()
+                    or not beside and name.lower().endswith("/" + end.lower())]
+            exact = [i for i in fits if names[i].endswith(end)]
+            if len(exact or fits) == 1:
+                return (exact or fits)[0]
+    return None
 
 
 class _Names:
@@ -21,14 +55,58 @@ class _Names:
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder
         self.list: list[str] = []
+        self.files: list[str] | None = None  # all below the folder
+        self.read: dict[str | None, list[str]] = {}
 
     def add(self, name: str) -> bool:
-        path = posixpath.normpath(name.replace("\\", "/")) if name else ""
+        """Adds a file by its name."""
+        return self._add(posixpath.normpath(name.replace("\\", "/")) if name else "")
+
+    def add_similar(self, reference: str) -> bool:
+        """Adds the file that the daemon will take for the reference: in another case, in a folder below, or in a
+        legacy encoding."""
+        if self.files is None:
+            self.files = self._list_files()
+        found = _find(self.readings(None), urllib.parse.unquote(reference))
+        if found is None:
+            pairs = [(self.readings(names), _read_as(reference, path)) for names in ENCODINGS for path in ENCODINGS]
+            others = {_find(names, path) for names, path in pairs if path is not None} - {None}
+            found = others.pop() if len(others) == 1 else None
+        return found is not None and self._add(self.files[found])
+
+    def readings(self, encoding: str | None) -> list[str]:
+        """All files as an encoding reads their names; none if it cannot."""
+        if encoding not in self.read:
+            names = [_read_as(name, encoding) for name in self.files or []]
+            self.read[encoding] = [] if None in names else [(name or "").replace("\\", "/") for name in names]
+        return self.read[encoding]
+
+    def _add(self, path: str) -> bool:
+        if re.search("[\ud800-\udfff]", path):
+            return False  # the names of a bundle are UTF-8
         if not path or path == ".." or path.startswith(("/", "../")) or not self.is_file_inside(path):
             return False
         if path not in self.list:
             self.list.append(path)
         return True
+
+    def _list_files(self) -> list[str]:
+        """By breadth. Hidden folders and links to folders are not entered."""
+        files: list[str] = []
+        folders = [""]
+        for folder in folders:
+            if len(files) >= LISTED_MAX:
+                break
+            try:
+                entries = sorted(os.scandir(self.folder / folder), key=lambda entry: entry.name)[:LISTED_MAX]
+            except OSError:
+                continue
+            for entry in entries:
+                if not entry.is_dir(follow_symlinks=False):
+                    files.append(folder + entry.name)
+                elif not entry.name.startswith("."):
+                    folders.append(f"{folder}{entry.name}/")
+        return files
 
     def is_file_inside(self, name: str) -> bool:
         try:
@@ -40,7 +118,8 @@ class _Names:
 
 def referenced_files(mesh: pathlib.Path) -> list[str]:
     """Names relative to the folder of the mesh. Missing files are left out: the daemon warns of them."""
-    find = {".obj": _of_obj, ".gltf": _of_gltf, ".md5mesh": _of_md5}.get(mesh.suffix.lower())
+    find = {".obj": _of_obj, ".ply": _of_ply, ".gltf": _of_gltf, ".glb": _of_gltf,
+            ".md5mesh": _of_md5}.get(mesh.suffix.lower())
     if find is None:
         return []
     names = _Names(mesh.parent)
@@ -75,27 +154,51 @@ def _of_obj(mesh: pathlib.Path, names: _Names) -> None:
     if b"mtllib" not in data and data[:2] not in (b"\xff\xfe", b"\xfe\xff"):
         return  # a scan of millions of vertices
     for key, rest in _statements(mesh):
-        if key == "mtllib" and not any(names.add(name) for name in _with_and_without_comment(rest)):
-            for word in _with_and_without_comment(rest)[1].split():
-                names.add(word)
+        for name in _library_names(rest) if key == "mtllib" else ():
+            if not (names.add(name) or names.add_similar(name)):
+                for word in _with_and_without_comment(name)[1].split():
+                    _ = names.add(word) or names.add_similar(word)
     for library in list(names.list):
         for key, rest in _statements(mesh.parent / library):
             if key.lower().startswith("map_"):
                 _add_texture(rest, names)
 
 
+def _library_names(line: str) -> list[str]:
+    """Names that may contain blanks, each up to ".mtl" or the end of the line. A comment may follow."""
+    names = [name.strip() for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S.*$", line, re.IGNORECASE)]
+    comment = next((i for i, name in enumerate(names) if i > 0 and name.startswith("#")), len(names))
+    return names[:comment]
+
+
 def _add_texture(line: str, names: _Names) -> None:
     """Options, some with an unknown number of values, then a name that may contain blanks: the longest end of the line
     that is a file."""
-    for rest in _with_and_without_comment(line):
-        for start in (match.start() for match in re.finditer(r"\S+", rest)):
-            if names.add(rest[start:]):
+    for add in (names.add, names.add_similar):
+        for rest in _with_and_without_comment(line):
+            if any(add(rest[match.start():]) for match in re.finditer(r"\S+", rest)):
                 return
+
+
+def _of_ply(mesh: pathlib.Path, names: _Names) -> None:
+    """Textures of "comment TextureFile NAME", where <this> is the stem of the mesh's own name."""
+    try:
+        with open(mesh, "rb") as file:
+            header = file.read(HEADER_MAX).partition(b"end_header")[0].decode("utf-8", "surrogateescape")
+    except OSError:
+        return
+    for line in re.split(r"[\r\n]+", header):
+        if found := re.match(r"\s*comment\s+(?i:TextureFile)\s+(\S.*)", line):
+            name = re.sub("(?i)<this>", lambda _: mesh.stem, found[1].rstrip())
+            _ = names.add(name) or names.add_similar(name)
 
 
 def _of_gltf(mesh: pathlib.Path, names: _Names) -> None:
     try:
-        document = json.loads(mesh.read_bytes())
+        data = mesh.read_bytes()
+        if data.startswith(b"glTF"):  # GLB: a header of 12 bytes, length and type of the first chunk, JSON
+            data = data[20:20 + int.from_bytes(data[12:16], "little")]
+        document = json.loads(data)
     except (OSError, ValueError):
         return  # sent as it is: the daemon reports the error
     for key in ("buffers", "images"):
@@ -103,7 +206,8 @@ def _of_gltf(mesh: pathlib.Path, names: _Names) -> None:
         for item in items if isinstance(items, list) else []:
             uri = item.get("uri") if isinstance(item, dict) else None
             if isinstance(uri, str) and not uri.strip().startswith("data:"):
-                names.add(urllib.parse.unquote(uri.strip())) or names.add(uri.strip())
+                uri = uri.strip()
+                _ = names.add(urllib.parse.unquote(uri)) or names.add(uri) or names.add_similar(uri)
 
 
 def _stem(name: str) -> str:

@@ -1,5 +1,6 @@
 #include "server/device/device.h"
 
+#include <algorithm>
 #include <optional>
 
 #include "proto/number_text.h"
@@ -67,6 +68,19 @@ const DeviceProbe* find_hardware(const std::vector<DeviceProbe>& probes) {
 }
 
 }  // namespace
+
+bool is_software_renderer(std::string_view renderer) {
+  constexpr std::string_view kNames[] = {
+      "llvmpipe",           "softpipe", "swiftshader", "lavapipe", "swrast", "openswr",
+      "software",              // "Software Rasterizer", "Apple Software Renderer"
+      "basic render driver"};  // Windows' WARP, by Mesa's d3d12 in WSL
+  std::string lower(renderer);
+  std::ranges::transform(lower, lower.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return std::ranges::any_of(
+      kNames, [&](std::string_view name) { return lower.find(name) != std::string::npos; });
+}
 
 DeviceInfo cpu_device_info() {
   DeviceInfo info;

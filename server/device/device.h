@@ -39,7 +39,7 @@ struct DeviceInfo {
   std::string backend;             // "EGL 1.5 Mesa Project, device platform", "OSMesa"
   std::string pci_address;         // "0000:3b:00.0"; empty: not on a PCI bus, or not known
   bool is_robust = false;          // bounds-checked access and reset notification
-  bool is_software = false;        // llvmpipe, softpipe, SwiftShader, OSMesa, lavapipe
+  bool is_software = false;        // is_software_renderer()
   bool has_int64 = false;          // GL_ARB_gpu_shader_int64
   bool has_float64 = false;        // GL_ARB_gpu_shader_fp64; a pass must test how exact it is
   bool has_timer_queries = false;  // queries exist and do not always return 0
@@ -52,6 +52,10 @@ struct DeviceInfo {
   int64_t dispatch_groups_max = 65535;  // per axis
   int64_t loop_iterations_max = 0;      // per shader invocation group; 0: no known limit
 };
+
+// Whether GL_RENDERER names a driver that computes on the CPU, also that of a virtual machine's
+// host or of another API below OpenGL. A GPU by number is refused there.
+bool is_software_renderer(std::string_view renderer);
 
 // The result of probing a device. Each is opened in a child process, so that a broken driver ends
 // only the child.

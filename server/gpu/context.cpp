@@ -92,14 +92,6 @@ Result<std::unique_ptr<Context>> Context::create(const DeviceId& device) {
   return create_egl_context(device);
 }
 
-bool is_software_renderer(std::string_view renderer) {
-  for (const std::string_view name :
-       {"llvmpipe", "softpipe", "SwiftShader", "lavapipe", "swrast", "Software Rasterizer"}) {
-    if (renderer.find(name) != std::string_view::npos) return true;
-  }
-  return false;
-}
-
 Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) {
   VOXELD_ASSIGN(gl_, load_gl_api(get_proc));
   const int major = get_int(gl_, GL_MAJOR_VERSION), minor = get_int(gl_, GL_MINOR_VERSION);

@@ -28,6 +28,5 @@ Result<std::vector<EglDevice>> enumerate_egl_devices();
 
 // Shared with the OSMesa backend.
 bool gl_debug_wanted();
-bool is_software_renderer(std::string_view renderer);
 
 }  // namespace voxeld::gpu

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "proto/file_names/file_names.h"
 #include "proto/text_file.h"
-#include "server/scene/core/bundle_names.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/load.h"

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "server/scene/core/animated_scene.h"
-#include "server/scene/core/bundle_names.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/ply/ply.h"
 
@@ -90,8 +89,8 @@ Result<std::string> choose_mesh(std::string_view zip_name, std::string_view memb
     if (package_model) member = *package_model;
   }
   if (!member.empty()) {
-    const auto found = resolve_reference(all, member, "");
-    if (found) return all[*found];
+    const auto found = bundle.resolve(member, "");
+    if (found) return all[found->index];
     return Error{ErrorCode::kMalformedBundle,
                  std::string(zip_name) + ": no file " + shown(member) + in_it, "one of its files",
                  listed(all)};

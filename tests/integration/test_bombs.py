@@ -145,7 +145,7 @@ class Bombs(DaemonTest):
         for vertices, faces in ((200_000_001, 1), (3, 200_000_001), (2_000_000_000, 2_000_000_000)):
             self.refuse("a.ply", ply_of_claims(vertices, faces), "malformed-mesh", "200000000")
         self.refuse("a.ply", ply_of_claims(100_000_000, 1), "malformed-mesh")  # not in 1000 bytes
-        self.refuse("a.stl", b"\0" * 80 + struct.pack("<I", 4_000_000_000) + b"\0" * 1000,
+        self.refuse("a.stl", b"\0" * 80 + struct.pack("<I", 4_000_000_000) + b"\0" * 1001,
                     "malformed-mesh")
         self.refuse("a.off", b"OFF\n4000000000 1 0\n0 0 0\n", "malformed-mesh")
         self.refuse("a.md5mesh", b'MD5Version 10\ncommandline ""\nnumJoints 2000000000\n'

@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import time
 import unittest
+import zipfile
 
 from harness import BIN, DaemonTest
 
@@ -151,6 +152,66 @@ class CliFiles(DaemonTest):
         self.assertGreater(estimate["estimates"][0]["estimate"]["seconds"], 0)
         jobs = json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"]
         self.assertEqual(len(jobs), before)
+
+    # --- files that a mesh names
+
+    SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n"
+
+    @staticmethod
+    def texture(red, green, blue):
+        """A TGA of one pixel."""
+        return bytes((0, 0, 2, *[0] * 9, 1, 0, 1, 0, 24, 0, blue, green, red))
+
+    def put(self, **files):
+        for name, content in files.items():
+            path = self.dir / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+
+    def colors(self, mesh):
+        """The colours of the voxels, and what stderr says."""
+        done = self.voxel(mesh, "-o", self.dir / "out.xyz", "--size", 8)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        lines = (self.dir / "out.xyz").read_text().splitlines()
+        return {tuple(map(int, line.split()[3:])) for line in lines}, done.stderr
+
+    def test_textures_under_other_names_are_sent_and_found(self):
+        self.put(**{"wall.obj": b"mtllib Wall.MTL\n" + self.SQUARE,
+                    "wall.mtl": b"newmtl m\nmap_Kd C:\\Users\\me\\Textures\\BRICK.TGA\n",
+                    "textures/brick.tga": self.texture(255, 0, 0), "textures/other.tga": self.texture(0, 0, 255)})
+        colors, said = self.colors(self.dir / "wall.obj")
+        self.assertEqual(colors, {(255, 0, 0)})
+        self.assertIn("Wall.MTL, named by wall.obj: wall.mtl is taken for it (the same name in another case)", said)
+        self.assertIn('C:\\Users\\me\\Textures\\BRICK.TGA, named by material "m": textures/brick.tga is taken for it '
+                      "(the end of the path)", said)
+
+    def test_names_in_a_legacy_encoding_are_found_on_disk_and_in_zips(self):
+        name = "\u8d34\u56fe.tga"
+        mesh = b"mtllib a.mtl\n" + self.SQUARE
+        library = b"newmtl m\nmap_Kd " + name.encode("gbk") + b"\n"
+        self.put(**{"a.obj": mesh, "a.mtl": library, name: self.texture(0, 255, 0)})
+        colors, said = self.colors(self.dir / "a.obj")
+        self.assertEqual(colors, {(0, 255, 0)})
+        self.assertIn(f"{name} is taken for it (read as GBK)", said)
+        for material, reading in ((library, "the same bytes, which are not UTF-8"),
+                                  (library.replace(name.encode("gbk"), name.encode()), "read as GBK")):
+            with zipfile.ZipFile(self.dir / "b.zip", "w") as archive:
+                archive.writestr("a.obj", mesh)
+                archive.writestr("a.mtl", material)
+                archive.writestr("XXXX.tga", self.texture(0, 0, 255))
+            data = (self.dir / "b.zip").read_bytes()
+            (self.dir / "b.zip").write_bytes(data.replace(b"XXXX.tga", name.encode("gbk")))
+            colors, said = self.colors(self.dir / "b.zip")
+            self.assertEqual(colors, {(0, 0, 255)})
+            self.assertIn(reading, said)
+
+    def test_the_textures_of_a_ply_are_sent(self):
+        self.put(**{"scan.ply": b"ply\nformat ascii 1.0\ncomment TextureFile <this> skin.tga\nelement vertex 3\n"
+                                b"property float x\nproperty float y\nproperty float z\nproperty float s\n"
+                                b"property float t\nelement face 1\nproperty list uchar int vertex_indices\n"
+                                b"end_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n",
+                    "scan skin.tga": self.texture(10, 20, 30)})
+        self.assertEqual(self.colors(self.dir / "scan.ply")[0], {(10, 20, 30)})
 
     # --- names of outputs
 

@@ -355,6 +355,24 @@ class Meshes(PythonTest):
         (self.dir / "a.mtl").unlink()
         self.assertEqual([each["name"] for each in self.client.info(self.dir / "a.obj")["missing_files"]], ["a.mtl"])
 
+    def test_files_under_other_names_are_sent_and_found(self):
+        (self.dir / "textures").mkdir()
+        image = self.client.render(CUBE, size=2, width=4, height=4, background="#ff0000")
+        for name in ("textures/brick.png", "\u8d34\u56fe.png", "scan_0.png"):
+            (self.dir / name).write_bytes(image)
+        (self.dir / "wall.mtl").write_bytes(b"newmtl a\nmap_Kd C:\\me\\Textures\\BRICK.PNG\nnewmtl b\nmap_Kd "
+                                            + "\u8d34\u56fe.png\n".encode("gbk"))
+        (self.dir / "wall.obj").write_text("mtllib Wall.MTL\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\n"
+                                           "f 1/1 2/1 3/1\nusemtl b\nf 1/1 3/1 2/1\n")
+        (self.dir / "scan.ply").write_text(
+            "ply\nformat ascii 1.0\ncomment TextureFile <this>_0.png\nelement vertex 3\nproperty float x\n"
+            "property float y\nproperty float z\nproperty float s\nproperty float t\nelement face 1\n"
+            "property list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n")
+        for name in ("wall.obj", "scan.ply"):
+            self.assertEqual(self.client.info(self.dir / name)["missing_files"], [], name)
+        warnings = self.client.voxelize(self.dir / "wall.obj", size=8).warnings
+        self.assertEqual(len([each for each in warnings if "is taken for it" in each]), 3, warnings)
+
     def test_animations_beside_an_md5mesh_are_sent_with_it(self):
         info = self.client.info(self.fixtures / "worm/worm.md5mesh")
         self.assertEqual(sorted(each["name"] for each in info["animations"]), ["walk", "wave"])

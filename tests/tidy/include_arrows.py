@@ -48,6 +48,7 @@ ARROWS = {
     # Folders of the contract, from the lowest up. Others may include all of them.
     "proto": {"proto"},
     "proto/options": {"proto/options", "proto"},
+    "proto/file_names": {"proto/file_names", "proto"},
     "proto/palette_files": {"proto/palette_files", "proto"},
     "proto/codec": {"proto/codec", "proto"},
     "proto/container": {"proto/container", "proto/codec", "proto/options", "proto"},

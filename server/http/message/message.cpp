@@ -6,30 +6,13 @@
 
 #include "proto/client_texts.h"
 #include "proto/messages/job.h"
+#include "proto/text_file.h"
 
 namespace voxeld::http {
 namespace {
 
 char lower(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
-}
-
-// Without overlong forms and surrogates, as RFC 3629 has it.
-bool is_utf8(std::string_view text) {
-  for (size_t i = 0; i < text.size();) {
-    const auto first = static_cast<unsigned char>(text[i++]);
-    if (first < 0x80) continue;
-    const size_t more = first >= 0xf0 ? 3 : first >= 0xe0 ? 2 : 1;
-    if (first < 0xc2 || first > 0xf4 || text.size() - i < more) return false;
-    const auto second = static_cast<unsigned char>(text[i]);
-    const bool is_out = (first == 0xe0 && second < 0xa0) || (first == 0xed && second > 0x9f) ||
-                        (first == 0xf0 && second < 0x90) || (first == 0xf4 && second > 0x8f);
-    if (is_out) return false;
-    for (const size_t end = i + more; i < end; ++i) {
-      if ((static_cast<unsigned char>(text[i]) & 0xc0) != 0x80) return false;
-    }
-  }
-  return true;
 }
 
 }  // namespace

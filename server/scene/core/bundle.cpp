@@ -9,57 +9,57 @@
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
-#include "server/scene/core/bundle_names.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld {
+
+std::optional<NameMatch> Bundle::resolve(std::string_view reference, std::string_view from) const {
+  std::vector<std::string> names;
+  for (const Entry& entry : entries()) names.push_back(entry.name);
+  return FileNames(std::move(names)).resolve(reference, from);
+}
+
+void warn_assumed_file(Scene& scene, const Bundle& bundle, std::string_view reference,
+                       std::string_view from, std::string_view needed_by) {
+  const auto found = bundle.resolve(reference, from);
+  if (!found || found->guess.empty()) return;
+  add_warning(scene, "assumed-file",
+              std::string(reference) + ", named by " + std::string(needed_by) + ": " +
+                  bundle.entries()[found->index].name + " is taken for it (" + found->guess + ")");
+}
 
 // --- one mesh file, and several uploads
 
 namespace {
 
-class SingleFileBundle final : public Bundle {
- public:
-  SingleFileBundle(std::string filename, std::span<const uint8_t> bytes)
-      : entries_{{filename, static_cast<int64_t>(bytes.size())}},
-        names_{normalized_name(filename).value_or(std::string(base_name(filename)))},
-        bytes_(bytes) {}
-
-  const std::vector<Entry>& entries() const override { return entries_; }
-  Result<std::optional<std::vector<uint8_t>>> find(std::string_view reference,
-                                                   std::string_view from) const override {
-    if (!resolve_reference(names_, reference, from)) return std::optional<std::vector<uint8_t>>();
-    return std::optional<std::vector<uint8_t>>(std::in_place, bytes_.begin(), bytes_.end());
-  }
-
- private:
-  std::vector<Entry> entries_;
-  std::vector<std::string> names_;
-  std::span<const uint8_t> bytes_;
-};
-
 class FilesBundle final : public Bundle {
  public:
   explicit FilesBundle(const std::vector<BundledFile>& files) {
+    std::vector<std::string> names;
     for (const BundledFile& file : files) {
-      names_.push_back(normalized_name(file.name).value_or(std::string(base_name(file.name))));
-      entries_.push_back({names_.back(), static_cast<int64_t>(file.bytes.size())});
+      names.push_back(normalized_name(file.name).value_or(std::string(base_name(file.name))));
+      entries_.push_back({names.back(), static_cast<int64_t>(file.bytes.size())});
       bytes_.push_back(file.bytes);
     }
+    names_ = FileNames(std::move(names));
   }
 
   const std::vector<Entry>& entries() const override { return entries_; }
+  std::optional<NameMatch> resolve(std::string_view reference,
+                                   std::string_view from) const override {
+    return names_.resolve(reference, from);
+  }
   Result<std::optional<std::vector<uint8_t>>> find(std::string_view reference,
                                                    std::string_view from) const override {
-    const auto found = resolve_reference(names_, reference, from);
+    const auto found = resolve(reference, from);
     if (!found) return std::optional<std::vector<uint8_t>>();
-    const std::span<const uint8_t> bytes = bytes_[*found];
+    const std::span<const uint8_t> bytes = bytes_[found->index];
     return std::optional<std::vector<uint8_t>>(std::in_place, bytes.begin(), bytes.end());
   }
 
  private:
   std::vector<Entry> entries_;
-  std::vector<std::string> names_;
+  FileNames names_;
   std::vector<std::span<const uint8_t>> bytes_;
 };
 
@@ -70,7 +70,7 @@ std::unique_ptr<Bundle> files_bundle(const std::vector<BundledFile>& files) {
 }
 
 std::unique_ptr<Bundle> single_file_bundle(std::string filename, std::span<const uint8_t> bytes) {
-  return std::make_unique<SingleFileBundle>(std::move(filename), bytes);
+  return files_bundle({{std::move(filename), bytes}});
 }
 
 // --- a zip from outside; libzip reads it from memory. Every claim of its headers is checked
@@ -220,20 +220,35 @@ class ZipBundle final : public Bundle {
       stored_bytes += stat.comp_size;
       VOXELD_TRY(check_sums(inflated_bytes, stored_bytes));
     }
+    names_ = FileNames(written_names_);
     return {};
   }
 
   const std::vector<Entry>& entries() const override { return entries_; }
 
+  std::optional<NameMatch> resolve(std::string_view reference,
+                                   std::string_view from) const override {
+    // entries() has libzip's reading of names that are not UTF-8.
+    const auto entry = find_entry(from.empty() ? reference : from);
+    if (entry && from.empty()) return NameMatch{*entry, ""};
+    return names_.resolve(reference, entry ? written_names_[*entry] : from);
+  }
+
   Result<std::optional<std::vector<uint8_t>>> find(std::string_view reference,
                                                    std::string_view from) const override {
-    const auto found = resolve_reference(names_, reference, from);
+    const auto found = resolve(reference, from);
     if (!found) return std::optional<std::vector<uint8_t>>();
-    VOXELD_ASSIGN(std::vector<uint8_t> bytes, inflate(*found));
+    VOXELD_ASSIGN(std::vector<uint8_t> bytes, inflate(found->index));
     return std::optional<std::vector<uint8_t>>(std::move(bytes));
   }
 
  private:
+  std::optional<size_t> find_entry(std::string_view name) const {
+    const auto found = std::ranges::find(entries_, name, &Entry::name);
+    if (found == entries_.end()) return std::nullopt;
+    return static_cast<size_t>(found - entries_.begin());
+  }
+
   Status check_entry(zip_uint64_t index, const zip_stat_t& stat) {
     constexpr zip_uint64_t kNeeded =
         ZIP_STAT_NAME | ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_ENCRYPTION_METHOD;
@@ -258,7 +273,8 @@ class ZipBundle final : public Bundle {
     }
     if (name.back() == '/' || name.back() == '\\') return {};  // a folder
     entries_.push_back({*normalized_name(name), static_cast<int64_t>(stat.size)});
-    names_.push_back(entries_.back().name);
+    const char* written = zip_get_name(archive_.get(), index, ZIP_FL_ENC_RAW);
+    written_names_.emplace_back(written == nullptr ? entries_.back().name : written);
     all_bytes_ += entries_.back().bytes;
     indices_.push_back(index);
     return {};
@@ -347,7 +363,8 @@ class ZipBundle final : public Bundle {
   int64_t all_bytes_ = 0;               // of all entries, inflated
   mutable int64_t inflated_bytes_ = 0;  // so far
   std::vector<Entry> entries_;          // files only
-  std::vector<std::string> names_;
+  std::vector<std::string> written_names_;
+  FileNames names_;                    // of written_names_
   std::vector<zip_uint64_t> indices_;  // of the files in the archive
 };
 

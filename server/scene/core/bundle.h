@@ -9,13 +9,15 @@
 #include <string_view>
 #include <vector>
 
+#include "proto/file_names/file_names.h"
 #include "proto/result.h"
+#include "server/scene/core/scene.h"
 
 namespace voxeld {
 
 // The files of one upload: a single mesh, a zip with a mesh and its files, or the files of several
-// uploads. Names are matched as written, then case-insensitively, then by base name; backslashes
-// count as slashes. Nothing outside the upload is ever opened.
+// uploads. FileNames (proto/file_names) tells which file a reference means. Nothing outside the
+// upload is ever opened.
 class Bundle {
  public:
   virtual ~Bundle() = default;
@@ -24,11 +26,18 @@ class Bundle {
     int64_t bytes = 0;
   };
   virtual const std::vector<Entry>& entries() const = 0;
-  // Bytes of the file that `reference` means in the file `from` ("models/a.obj"); nullopt if the
-  // bundle has none. Errors: malformed-bundle (broken entry, over a limit).
+  // The entry that `reference` means in the file `from` ("models/a.obj"); nullopt if there is none.
+  virtual std::optional<NameMatch> resolve(std::string_view reference, std::string_view from) const;
+  // Bytes of that entry; nullopt if there is none. Errors: malformed-bundle (broken entry, over a
+  // limit).
   virtual Result<std::optional<std::vector<uint8_t>>> find(std::string_view reference,
                                                            std::string_view from) const = 0;
 };
+
+// Adds the warning "assumed-file" if the file that is found for a reference is not just what it
+// says. `needed_by` names the material or file.
+void warn_assumed_file(Scene& scene, const Bundle& bundle, std::string_view reference,
+                       std::string_view from, std::string_view needed_by);
 
 // A bundle with only the mesh itself; `bytes` must outlive it.
 std::unique_ptr<Bundle> single_file_bundle(std::string filename, std::span<const uint8_t> bytes);

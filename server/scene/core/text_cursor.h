@@ -11,11 +11,6 @@
 
 namespace voxeld {
 
-// The text without blanks and line ends at both sides.
-std::string_view trimmed(std::string_view text);
-// Equality of ASCII text without regard to case.
-bool equals_ignoring_case(std::string_view a, std::string_view b);
-
 // The number that is the whole of `token`: decimal, with an optional sign and exponent. Numbers too
 // small for a double are 0. Too large ones, "nan" and "inf" are nullopt.
 std::optional<double> parse_number(std::string_view token);

@@ -10,8 +10,13 @@ namespace {
 constexpr size_t kFirstSlots = 256;
 constexpr size_t kExpectedMax = size_t{1} << 24;
 
-bool same(const VertexTable::Key& a, const VertexTable::Key& b) {
-  return a[0] == b[0] && a[1] == b[1] && a[2] == b[2] && a[3] == b[3];
+// Without the call of memcmp() that the array's == makes.
+template <size_t kWords>
+bool same(const std::array<uint32_t, kWords>& a, const std::array<uint32_t, kWords>& b) {
+  for (size_t i = 0; i < kWords; ++i) {
+    if (a[i] != b[i]) return false;
+  }
+  return true;
 }
 
 // One round of SplitMix64 (Steele, Lea & Flood 2014).
@@ -31,17 +36,23 @@ uint64_t process_seed() {
 
 }  // namespace
 
-VertexTable::VertexTable(size_t expected_count)
+template <size_t kWords>
+BasicVertexTable<kWords>::BasicVertexTable(size_t expected_count)
     : slots_(std::max(kFirstSlots, std::bit_ceil(2 * std::min(expected_count, kExpectedMax) + 1)),
              Slot{{}, kEmpty}) {}
 
-size_t VertexTable::start_of(const Key& key) const {
-  const uint64_t low = uint64_t{key[1]} << 32 | key[0];
-  const uint64_t high = uint64_t{key[3]} << 32 | key[2];
-  return mix(mix(low ^ process_seed()) ^ high) & (slots_.size() - 1);
+template <size_t kWords>
+size_t BasicVertexTable<kWords>::start_of(const Key& key) const {
+  uint64_t hash = process_seed();
+  for (size_t i = 0; i < kWords; i += 2) {
+    const uint64_t high = i + 1 < kWords ? key[i + 1] : 0;
+    hash = mix(hash ^ (high << 32 | key[i]));
+  }
+  return hash & (slots_.size() - 1);
 }
 
-std::pair<uint32_t, bool> VertexTable::find_or_add(const Key& key, uint32_t value) {
+template <size_t kWords>
+std::pair<uint32_t, bool> BasicVertexTable<kWords>::find_or_add(const Key& key, uint32_t value) {
   if (2 * (count_ + 1) > slots_.size()) grow();
   for (size_t at = start_of(key);; at = (at + 1) & (slots_.size() - 1)) {
     Slot& slot = slots_[at];
@@ -54,7 +65,8 @@ std::pair<uint32_t, bool> VertexTable::find_or_add(const Key& key, uint32_t valu
   }
 }
 
-void VertexTable::grow() {
+template <size_t kWords>
+void BasicVertexTable<kWords>::grow() {
   std::vector<Slot> old(2 * slots_.size(), Slot{{}, kEmpty});
   old.swap(slots_);
   for (const Slot& slot : old) {
@@ -64,5 +76,8 @@ void VertexTable::grow() {
     slots_[at] = slot;
   }
 }
+
+template class BasicVertexTable<4>;
+template class BasicVertexTable<7>;
 
 }  // namespace voxeld

@@ -9,15 +9,16 @@
 
 namespace voxeld {
 
-// Open addressing with linear probing over a vector. Keys are up to four 32-bit numbers (indices of
-// an OBJ corner, bits of an STL position). The hash is seeded per process, so no file can force
+// Open addressing with linear probing over a vector. Keys are `kWords` numbers (indices of an OBJ
+// corner, bits of an STL position and colour). The hash is seeded per process, so no file can force
 // collisions.
-class VertexTable {
+template <size_t kWords>
+class BasicVertexTable {
  public:
-  using Key = std::array<uint32_t, 4>;
+  using Key = std::array<uint32_t, kWords>;
 
   // `expected_count` of keys is only a hint.
-  explicit VertexTable(size_t expected_count = 0);
+  explicit BasicVertexTable(size_t expected_count = 0);
   // The value stored for `key`. A new key stores `value`; second: whether it is new.
   std::pair<uint32_t, bool> find_or_add(const Key& key, uint32_t value);
 
@@ -34,5 +35,9 @@ class VertexTable {
   std::vector<Slot> slots_;  // a power of two
   size_t count_ = 0;
 };
+
+extern template class BasicVertexTable<4>;
+extern template class BasicVertexTable<7>;
+using VertexTable = BasicVertexTable<4>;
 
 }  // namespace voxeld

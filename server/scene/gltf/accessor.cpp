@@ -93,6 +93,7 @@ Result<std::vector<uint8_t>> Accessors::read_uri(const std::string& uri,
     if (!bytes) return document_.malformed(where, "broken data URI", "base64", shown(uri));
   } else {
     VOXELD_ASSIGN(bytes, bundle_.find(uri, document_.name));
+    warn_assumed_file(scene_, bundle_, uri, document_.name, document_.name);
   }
   if (bytes) return *std::move(bytes);
   return document_.malformed(where, "the buffer's file is not in the upload",

@@ -69,10 +69,13 @@ struct Expected {
 // data. One per load; the objects it refers to must outlive it.
 class Accessors {
  public:
-  Accessors(const Document& document, const Container& container, const Bundle& bundle)
+  // Warnings go to `scene`.
+  Accessors(const Document& document, const Container& container, const Bundle& bundle,
+            Scene& scene)
       : document_(document),
         container_(container),
         bundle_(bundle),
+        scene_(scene),
         buffers_(document.buffers.size()) {}
 
   // Errors: malformed-mesh with the path, for a wrong type or a range outside its buffer;
@@ -107,6 +110,7 @@ class Accessors {
   const Document& document_;
   const Container& container_;
   const Bundle& bundle_;
+  Scene& scene_;
   std::vector<LoadedBuffer> buffers_;
   uint64_t buffer_bytes_ = 0;
   std::map<int, std::vector<uint8_t>> filled_;  // sparse accessors

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "server/scene/core/bundle_names.h"
+#include "proto/file_names/file_names.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 

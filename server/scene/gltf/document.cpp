@@ -211,7 +211,8 @@ static void members(JsonObject o, MaterialSource& to) {
       read_base(workflow, "diffuseFactor", "diffuseTexture", older.emplace());
     });
   });
-  std::string name;
+  std::string name, alpha_mode = "OPAQUE";
+  o.optional("alphaMode", alpha_mode);
   o.optional("name", name);
   o.optional("pbrMetallicRoughness", [&](JsonObject workflow) {
     read_base(workflow, "baseColorFactor", "baseColorTexture", to);
@@ -219,6 +220,8 @@ static void members(JsonObject o, MaterialSource& to) {
   // If a file has both workflows, the older one carries more information.
   if (older) to = *std::move(older);
   to.name = std::move(name);
+  to.is_opaque = alpha_mode != "MASK" && alpha_mode != "BLEND";
+  if (to.is_opaque) to.base_color.a = 1.0f;
 }
 
 static void members(JsonObject o, DracoSource& to) {

@@ -96,6 +96,7 @@ struct MaterialSource {
   std::string name;
   glm::vec4 base_color{1.0f};  // linear
   bool base_color_given = false;
+  bool is_opaque = true;  // alphaMode OPAQUE, the default: alpha is ignored
   int texture = -1;
   int tex_coord = 0;  // N of TEXCOORD_N
   TextureTransform transform;

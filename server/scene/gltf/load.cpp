@@ -1,5 +1,5 @@
-// load_gltf and load_animated_gltf: reads one glTF file. doubleSided, alphaMode, metalness and
-// roughness, cameras and lights are ignored: a grid has no use for them.
+// load_gltf and load_animated_gltf: reads one glTF file. doubleSided, metalness and roughness,
+// cameras and lights are ignored: a grid has no use for them.
 #include <optional>
 #include <utility>
 
@@ -30,7 +30,7 @@ Status load(std::string_view name, std::span<const uint8_t> bytes, const Bundle&
     add_warning(scene, "static-pose",
                 document.name + ": animations are left out; the mesh has the file's own pose");
   }
-  gltf::Accessors accessors(document, container, bundle);
+  gltf::Accessors accessors(document, container, bundle, scene);
   gltf::Textures textures(document, accessors, bundle, options, scene);
   gltf::RigBuilder rig(document, accessors, with_rig);
   VOXELD_TRY(add_meshes(document, accessors, textures, scene, rig));

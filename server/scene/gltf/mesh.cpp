@@ -48,6 +48,7 @@ struct VertexSource {
   std::vector<Influences> influences;
   size_t joint_count = 0;
   std::optional<glm::vec4> copy_color;  // of the copy of the mesh that is read
+  bool is_opaque = true;                // colours are without alpha
   // Indices of the rig's matrices and weights.
   uint32_t node_matrix = 0, first_joint_matrix = 0, first_weight = 0;
 
@@ -95,20 +96,17 @@ class Vertices {
   Vertices(const Document& document, Accessors& accessors, RigBuilder& rig)
       : document_(document), accessors_(accessors), rig_(rig) {}
 
+  // Opens a primitive with positions.
   Result<VertexSource> open(int node_index, const Primitive& primitive, const std::string& path) {
     VertexSource source;
     source.path = path;
-    const auto position = primitive.attributes.find("POSITION");
-    if (position == primitive.attributes.end()) {
-      return document_.malformed(path + ".attributes.POSITION", "is missing", "an index",
-                                 "nothing");
-    }
-    VOXELD_ASSIGN(source.position,
-                  accessors_.open(position->second, {"POSITION", 3, 3, Expected::kFloatOrSmall}));
+    VOXELD_ASSIGN(source.position, accessors_.open(primitive.attributes.at("POSITION"),
+                                                   {"POSITION", 3, 3, Expected::kFloatOrSmall}));
     VOXELD_ASSIGN(source.normal, open_attribute(primitive.attributes, "NORMAL", 3, 3, source));
     VOXELD_ASSIGN(source.color, open_attribute(primitive.attributes, "COLOR_0", 3, 4, source));
     if (primitive.material >= 0) {
       const auto& material = document_.materials[primitive.material];
+      source.is_opaque = material.is_opaque;
       if (material.texture >= 0) {
         const std::string key = "TEXCOORD_" + std::to_string(material.tex_coord);
         VOXELD_ASSIGN(source.uv, open_attribute(primitive.attributes, key, 2, 2, source));
@@ -162,7 +160,9 @@ class Vertices {
     if (source.color && source.color->component_count == 3) color.a = 1.0f;
     color = {unit_clamped(color.r), unit_clamped(color.g), unit_clamped(color.b),
              unit_clamped(color.a)};
-    return source.copy_color ? color * *source.copy_color : color;
+    if (source.copy_color) color *= *source.copy_color;
+    if (source.is_opaque) color.a = 1.0f;
+    return color;
   }
 
   Result<std::optional<Elements>> open_attribute(const Attributes& attributes,
@@ -316,7 +316,10 @@ class MeshLoader {
     VOXELD_ASSIGN(const Copies copies, copies_of(node));
     for (size_t i = 0; i < primitives.size(); ++i) {
       if (primitives[i].mode < kTriangles) {
-        ++skipped_primitive_count_;
+        ++flat_primitive_count_;
+      } else if (!primitives[i].attributes.contains("POSITION")) {
+        // glTF 2.0, 3.7.2.1: a client should skip it. Extensions may hold its shape.
+        ++bare_primitive_count_;
       } else {
         VOXELD_TRY(add_primitive(node, mesh, i, copies));
       }
@@ -324,17 +327,27 @@ class MeshLoader {
     return {};
   }
 
-  // Adds the warning about skipped primitives. Errors: empty-mesh.
+  // Adds the warnings about what was left out. Errors: empty-mesh.
   Status finish() {
-    const std::string skipped =
-        std::to_string(skipped_primitive_count_) + " primitives of points or lines";
-    const bool is_any_skipped = skipped_primitive_count_ > 0;
-    if (is_any_skipped) {
+    std::string skipped;
+    for (const auto& [count, kind] :
+         {std::pair(flat_primitive_count_, " primitives of points or lines"),
+          std::pair(bare_primitive_count_, " primitives without POSITION")}) {
+      if (count > 0) skipped += (skipped.empty() ? "" : ", ") + std::to_string(count) + kind;
+    }
+    if (!skipped.empty()) {
       add_warning(scene_, "skipped-primitive", document_.name + ": " + skipped + " were left out");
     }
+    if (incomplete_count_ > 0) {
+      add_warning(scene_, "incomplete-triangle",
+                  document_.name + ": the last corners of " + std::to_string(incomplete_count_) +
+                      " primitives (first: " + first_incomplete_ +
+                      ") are no triangle; they were left out");
+    }
     if (scene_.triangle_count() > 0) return {};
+    if (skipped.empty() && incomplete_count_ > 0) skipped = "no whole triangle";
     return empty_mesh(document_.name,
-                      is_any_skipped ? skipped : "no node with a mesh in the scene");
+                      skipped.empty() ? "no node with a mesh in the scene" : skipped);
   }
 
  private:
@@ -342,6 +355,11 @@ class MeshLoader {
   Result<Copies> copies_of(int index) {
     const Node& node = document_.nodes[index];
     Copies copies;
+    if (node.instances && node.skin >= 0) {
+      add_warning(scene_, "ignored-extension",
+                  document_.name + " " + at_index("nodes", index) +
+                      ": EXT_mesh_gpu_instancing of a mesh with a skin is left out: there is one");
+    }
     if (!node.instances || node.skin >= 0) {
       copies.first_matrix = rig_.matrix_of_node(index);
       return copies;
@@ -455,9 +473,10 @@ class MeshLoader {
     if (mode > kFan) {
       return document_.malformed(path + ".mode", "unknown mode", "0 to 6", std::to_string(mode));
     }
-    if (mode == kTriangles && corner_count % 3 != 0) {
-      return document_.malformed(path, "corners of triangles", "a multiple of 3",
-                                 std::to_string(corner_count));
+    const uint64_t left_over =
+        mode == kTriangles ? corner_count % 3 : (corner_count < 3 ? corner_count : 0);
+    if (left_over > 0 && incomplete_count_++ == 0) {
+      first_incomplete_ = path + ", " + std::to_string(corner_count) + " corners";
     }
     const uint64_t count =
         mode == kTriangles ? corner_count / 3 : (corner_count < 3 ? 0 : corner_count - 2);
@@ -504,7 +523,9 @@ class MeshLoader {
   Vertices vertices_;
   NameList<int> meshes_, nodes_;
   NameList<std::pair<int, size_t>> groups_;  // mesh, primitive
-  int64_t skipped_primitive_count_ = 0;
+  int64_t flat_primitive_count_ = 0, bare_primitive_count_ = 0;
+  int64_t incomplete_count_ = 0;  // primitives of nodes
+  std::string first_incomplete_;
   int64_t triangle_count_ = 0, vertex_count_ = 0;
   // (material, attributes present) -> the last such part.
   std::map<std::tuple<int, bool, bool, bool>, size_t> part_of_layout_;

@@ -21,8 +21,8 @@ int Textures::use_material(int index) {
       to.wrap_u = document_.samplers[sampler].wrap_u;
       to.wrap_v = document_.samplers[sampler].wrap_v;
     }
-    to.image =
-        use_texture(from.texture, from.name.empty() ? at_index("materials", index) : from.name);
+    to.image = use_texture(from.texture, from.is_opaque,
+                           from.name.empty() ? at_index("materials", index) : from.name);
   }
   scene_.materials.push_back(std::move(to));
   const int at = static_cast<int>(scene_.materials.size()) - 1;
@@ -30,7 +30,7 @@ int Textures::use_material(int index) {
   return at;
 }
 
-int Textures::use_texture(int index, const std::string& needed_by) {
+int Textures::use_texture(int index, bool is_opaque, const std::string& needed_by) {
   const Texture& texture = document_.textures[index];
   if (texture.image < 0) {
     const std::string in = texture.unread_format.empty()
@@ -39,11 +39,14 @@ int Textures::use_texture(int index, const std::string& needed_by) {
     return refuse(at_index("textures", index), needed_by, "missing-texture",
                   "has no image in a format that voxeld reads" + in);
   }
-  const auto found = images_.find(texture.image);
-  if (found != images_.end()) return found->second;
-  const int at = load_image(texture.image, needed_by);
-  images_.emplace(texture.image, at);
-  return at;
+  const auto [found, is_new] = images_.try_emplace({texture.image, is_opaque}, -1);
+  if (!is_new) return found->second;
+  found->second = load_image(texture.image, needed_by);
+  if (is_opaque && found->second >= 0) {
+    std::vector<uint8_t>& rgba = scene_.images[found->second].rgba;
+    for (size_t i = 3; i < rgba.size(); i += 4) rgba[i] = 255;
+  }
+  return found->second;
 }
 
 Result<std::optional<std::vector<uint8_t>>> Textures::image_bytes(const ImageSource& image) {
@@ -71,6 +74,9 @@ int Textures::load_image(int index, const std::string& needed_by) {
   const auto bytes = image_bytes(image);
   if (!bytes) return refuse(label, needed_by, "broken-texture", bytes.error().message());
   if (!*bytes) return refuse(label, needed_by, "missing-texture", "is not in the upload");
+  if (!is_data_uri(image.uri)) {
+    warn_assumed_file(scene_, bundle_, image.uri, document_.name, needed_by);
+  }
   Image decoded{.name = label, .rgba = {}};
   if (options_.decode_images) {
     auto result = decode_image(label, **bytes, &budget_);

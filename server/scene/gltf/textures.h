@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "proto/result.h"
@@ -36,7 +37,8 @@ class Textures {
   int use_material(int material);
 
  private:
-  int use_texture(int texture, const std::string& needed_by);
+  // `is_opaque`: without the image's alpha.
+  int use_texture(int texture, bool is_opaque, const std::string& needed_by);
   int load_image(int image, const std::string& needed_by);
   // Returns nullopt for an absent file.
   Result<std::optional<std::vector<uint8_t>>> image_bytes(const ImageSource& image);
@@ -49,7 +51,8 @@ class Textures {
   const Bundle& bundle_;
   LoadOptions options_;
   Scene& scene_;
-  std::map<int, int> materials_, images_;  // document index to scene index
+  std::map<int, int> materials_;                // document index to scene index
+  std::map<std::pair<int, bool>, int> images_;  // likewise; of images with and without alpha
   PixelBudget budget_;
   size_t refused_count_ = 0;
 };

@@ -74,6 +74,7 @@ int TextureSet::load(const std::string& reference, std::string_view needed_by) {
     }
     return -1;
   }
+  warn_assumed_file(scene_, bundle_, reference, from_, needed_by);
   if (!options_.decode_images) return add_image(scene_, {.name = reference, .rgba = {}});
   auto image = decode_image(reference, **bytes, &budget_);
   if (!image) {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "proto/text_file.h"
-#include "server/scene/core/bundle_names.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/md5/lexer.h"
 
@@ -100,9 +99,9 @@ std::map<std::string, std::string> parse_mtr(std::string_view text) {
   }
 }
 
-Md5Images::Md5Images(const Bundle& bundle, std::string from) : from_(std::move(from)) {
+Md5Images::Md5Images(const Bundle& bundle, std::string from)
+    : bundle_(bundle), from_(std::move(from)) {
   for (const Bundle::Entry& entry : bundle.entries()) {
-    names_.push_back(entry.name);
     const std::string name = folded(entry.name);
     if (!name.ends_with(".mtr")) continue;
     const auto bytes = bundle.find(entry.name, "");
@@ -124,8 +123,8 @@ std::optional<std::string> Md5Images::find_image(std::string_view name) const {
     }
   }
   for (const std::string& candidate : candidates) {
-    const auto found = resolve_reference(names_, candidate, from_);
-    if (found) return names_[*found];
+    const auto found = bundle_.resolve(candidate, from_);
+    if (found) return bundle_.entries()[found->index].name;
   }
   return std::nullopt;
 }

@@ -31,8 +31,8 @@ class Md5Images {
  private:
   std::optional<std::string> find_image(std::string_view name) const;
 
+  const Bundle& bundle_;
   std::string from_;
-  std::vector<std::string> names_;  // of the upload's files
   std::map<std::string, std::string> materials_;
 };
 

@@ -5,8 +5,8 @@
 #include <map>
 #include <memory>
 
+#include "proto/file_names/file_names.h"
 #include "proto/text_file.h"
-#include "server/scene/core/bundle_names.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/md5/load.h"

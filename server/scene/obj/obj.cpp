@@ -13,8 +13,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "proto/file_names/file_names.h"
 #include "proto/text_file.h"
-#include "server/scene/core/bundle_names.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
@@ -44,9 +44,7 @@ class ObjLoader {
         bundle_(bundle),
         textures_(scene_, bundle, std::string(name), options),
         sink_(name),
-        table_(file_.positions.size()) {
-    for (const Bundle::Entry& entry : bundle.entries()) bundle_names_.push_back(entry.name);
-  }
+        table_(file_.positions.size()) {}
 
   Result<Scene> load() {
     scene_.format = "obj";
@@ -57,7 +55,11 @@ class ObjLoader {
     for (Warning& warning : file_.warnings) {
       add_warning(scene_, warning.code, std::move(warning.detail));
     }
-    if (file_.faces.empty()) return empty_mesh(name_, "no faces");
+    warn_skipped_faces(scene_, name_, file_.skipped_face_count);
+    if (file_.faces.empty()) {
+      return empty_mesh(
+          name_, file_.skipped_face_count == 0 ? "no faces" : "only faces of one or two corners");
+    }
     read_libraries();
     color_scale_ = file_.color_max > kUnitColorMax ? 1.0f / 255.0f : 1.0f;
     const ObjCorner* corner = file_.corners.data();
@@ -137,6 +139,7 @@ class ObjLoader {
       return true;
     }
     if (!*bytes) return false;
+    warn_assumed_file(scene_, bundle_, reference, name_, name_);
     std::string storage;
     for (MtlMaterial& material : parse_mtl(reference, plain_text(**bytes, storage), scene_)) {
       std::string key = material.name;
@@ -166,7 +169,7 @@ class ObjLoader {
     std::string_view left = text;
     for (size_t i = 0; i < kMapWordsMax && !left.empty(); ++i) {
       for (const std::string_view candidate : {left, before_comment(left)}) {
-        if (resolve_reference(bundle_names_, candidate, name_)) return candidate;
+        if (bundle_.resolve(candidate, name_)) return candidate;
       }
       if (text[0] != '-') break;
       LineCursor words(left);
@@ -310,7 +313,6 @@ class ObjLoader {
   TextureSet textures_;
   PolygonSink sink_;
   NameList<uint32_t> meshes_{scene_.meshes}, groups_{scene_.groups};
-  std::vector<std::string> bundle_names_;
   size_t library_name_count_ = 0;
   std::map<std::string, MtlMaterial, std::less<>> library_;
   std::map<std::string_view, const MtlMaterial*> by_short_name_;  // without comments

@@ -96,15 +96,28 @@ class ObjReader {
   std::string_view next_line() {
     std::string_view line = next_physical_line();
     statement_line_ = line_;
-    if (line.empty() || line.back() != '\\') return line;
+    if (!take_continuation(line)) return line;
     joined_.clear();
-    while (!line.empty() && line.back() == '\\') {
-      line.remove_suffix(1);
+    do {
       joined_.append(line).append(" ");
       line = left_.empty() ? std::string_view() : next_physical_line();
-    }
+    } while (take_continuation(line));
     joined_.append(line);
     return joined_;
+  }
+
+  // Removes a backslash from the end of the line. Blanks may follow it; one in a comment is text.
+  static bool take_continuation(std::string_view& line) {
+    if (line.empty() || (line.back() != '\\' && !is_blank(line.back()))) return false;
+    std::string_view text = line;
+    while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+    if (text.empty() || text.back() != '\\') return false;
+    LineCursor words(text);
+    for (std::string_view word = words.token(); !word.empty(); word = words.token()) {
+      if (word[0] == '#') return false;
+    }
+    line = text.substr(0, text.size() - 1);
+    return true;
   }
 
   std::string where() const { return "line " + std::to_string(statement_line_); }
@@ -303,7 +316,11 @@ class ObjReader {
       VOXELD_TRY(read_corner(word));
     }
     const size_t count = file_.corners.size() - first;
-    if (count < 3) return malformed("face", "at least 3 corners", std::to_string(count));
+    if (count < 3) {  // a point or line, which has no surface
+      ++file_.skipped_face_count;
+      file_.corners.resize(first);
+      return {};
+    }
     if (count > limits::kPolygonCornersMax) {
       return over_limit(name_, where(), "too many corners of a face", limits::kPolygonCornersMax,
                         static_cast<int64_t>(count));

@@ -49,6 +49,7 @@ struct ObjFile {
   std::vector<glm::vec3> normals;  // as written
   std::vector<ObjCorner> corners;  // every index is valid
   std::vector<ObjFace> faces;
+  int64_t skipped_face_count = 0;  // with fewer than 3 corners
   std::vector<ObjState> states;
   std::vector<std::string> names{""};      // of objects and groups; 0: none
   bool names_dropped = false;              // some faces are separated by their material alone
@@ -60,7 +61,7 @@ struct ObjFile {
 
 // Reads all statements. v (with optional weight or colour), vt, vn, f, o, g, usemtl and mtllib are
 // used. Points, lines, smoothing and the like are skipped; other words go to `ignored`. A backslash
-// at the end of a line continues it.
+// at the end of a line continues it, but not in a comment.
 //
 // A bad attribute costs only itself, with a warning. A texture coordinate or normal with an invalid
 // index or with numbers that are not finite becomes kNone in its corners; such a colour is dropped.

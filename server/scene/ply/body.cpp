@@ -15,7 +15,7 @@ namespace voxeld {
 namespace {
 
 // The role of a property of a vertex or face.
-enum Role { kX, kY, kZ, kNx, kNy, kNz, kU, kV, kRed, kGreen, kBlue, kAlpha, kRoleCount };
+enum Role { kX, kY, kZ, kNx, kNy, kNz, kU, kV, kRed, kGreen, kBlue, kAlpha, kGrey, kRoleCount };
 constexpr int kNoRole = -1;
 
 constexpr std::pair<std::string_view, Role> kRoles[] = {{"x", kX},
@@ -41,24 +41,35 @@ constexpr std::pair<std::string_view, Role> kRoles[] = {{"x", kX},
                                                         {"diffuse_red", kRed},
                                                         {"diffuse_green", kGreen},
                                                         {"diffuse_blue", kBlue},
-                                                        {"diffuse_alpha", kAlpha}};
+                                                        {"diffuse_alpha", kAlpha},
+                                                        {"grey", kGrey},
+                                                        {"gray", kGrey},
+                                                        {"luminance", kGrey},
+                                                        {"intensity", kGrey}};
+
+bool is_floating(PlyType type) {
+  return type == PlyType::kFloat32 || type == PlyType::kFloat64;
+}
 
 // The roles of one element's properties.
 struct Roles {
   std::vector<int> of_property;
   std::array<bool, kRoleCount> given{};
-  PlyType color_type = PlyType::kUint8;
+  std::array<PlyType, kRoleCount> types{};
 
   explicit Roles(const PlyElement& element) {
     for (const PlyProperty& property : element.properties) {
       int role = kNoRole;
       for (const auto& [name, known] : kRoles) {
-        if (!property.is_list && property.name == name && !given[known]) role = known;
+        // The intensity of a scan, in Stanford's files, is a float of any size, and no colour.
+        if (name == "intensity" && is_floating(property.type)) continue;
+        const bool named = !property.is_list && equals_ignoring_case(property.name, name);
+        if (named && !given[known]) role = known;
       }
       of_property.push_back(role);
       if (role == kNoRole) continue;
       given[static_cast<size_t>(role)] = true;
-      if (role == kRed) color_type = property.type;
+      types[static_cast<size_t>(role)] = property.type;
     }
   }
   bool has(Role first, Role last) const {
@@ -67,34 +78,65 @@ struct Roles {
     }
     return true;
   }
+  bool has_rgb() const { return has(kRed, kBlue); }
+  bool has_colors() const { return has_rgb() || given[kGrey]; }
 };
 
 using Values = std::array<double, kRoleCount>;
 
-float component_scale(PlyType type) {
-  switch (type) {
-    case PlyType::kFloat32:
-    case PlyType::kFloat64:
-      return 1.0f;
-    case PlyType::kInt16:
-      return 1.0f / 32767.0f;
-    case PlyType::kUint16:
-      return 1.0f / 65535.0f;
-    default:
-      return 1.0f / 255.0f;
-  }
+// The colour as written.
+glm::vec4 raw_color(const Values& values, const Roles& roles) {
+  const auto number = [&](Role role) {
+    const bool wrapped = roles.types[role] == PlyType::kInt8 && values[role] < 0.0;  // char 255
+    return static_cast<float>(wrapped ? values[role] + 256.0 : values[role]);
+  };
+  const float alpha = number(kAlpha);
+  if (!roles.has_rgb()) return {glm::vec3(number(kGrey)), alpha};
+  return {number(kRed), number(kGreen), number(kBlue), alpha};
 }
 
-glm::vec4 color_of(const Values& values, const Roles& roles) {
-  const float scale = component_scale(roles.color_type);
-  const glm::vec3 rgb = glm::vec3(values[kRed], values[kGreen], values[kBlue]) * scale;
-  const float alpha =
-      roles.given[kAlpha] ? unit_clamped(static_cast<float>(values[kAlpha]) * scale) : 1.0f;
-  const bool linear =
-      roles.color_type == PlyType::kFloat32 || roles.color_type == PlyType::kFloat64;
-  if (!linear) return {linear_from_srgb(rgb), alpha};
-  return {unit_clamped(rgb.x), unit_clamped(rgb.y), unit_clamped(rgb.z), alpha};
+std::string printed(double value) {
+  const bool whole = value == std::floor(value) && std::abs(value) < 1e15;
+  return whole ? std::to_string(static_cast<int64_t>(value)) : std::to_string(value);
 }
+
+// What the components of a file's colours mean, all in sRGB as CGAL, MeshLab and CloudCompare take
+// them. Bytes go to 255. Floats go to 1 or 255, and integers to 255 or what 16 bits hold; the
+// largest value of the file tells which.
+class ColorRange {
+ public:
+  ColorRange(PlyType type, float max) : max_(max) {
+    constexpr float kUnitMax = 1.1f;  // rounding and interpolation exceed 1 a little
+    const bool is_small = max <= (is_floating(type) ? kUnitMax : 255.0f);
+    const float wide = type == PlyType::kInt16 ? 32767.0f : 65535.0f;
+    if (is_floating(type)) {
+      full_ = is_small ? 1.0f : 255.0f;
+      other_ = is_small ? 255.0f : 1.0f;
+    } else if (ply_type_bytes(type) > 1) {
+      full_ = is_small ? 255.0f : wide;
+      other_ = is_small ? wide : 255.0f;
+    }
+    // Wide integers are mostly written for 255, and 16 bits for all that they hold.
+    is_guess_ = is_floating(type) || is_small == (ply_type_bytes(type) == 2);
+    is_guess_ = is_guess_ && ply_type_bytes(type) > 1;
+    for (size_t i = 0; i < of_byte_.size(); ++i) {
+      of_byte_[i] = linear_from_srgb(static_cast<float>(i) * (1.0f / full_));
+    }
+  }
+  float max() const { return max_; }
+  float full() const { return full_; }
+  float other() const { return other_; }  // the other reading
+  bool is_guess() const { return is_guess_; }
+  float linear(float value) const {
+    const bool is_byte = value >= 0.0f && value <= 255.0f && value == std::floor(value);
+    return is_byte ? of_byte_[static_cast<size_t>(value)] : linear_from_srgb(value / full_);
+  }
+
+ private:
+  float max_, full_ = 255.0f, other_ = 255.0f;
+  bool is_guess_ = false;
+  std::array<float, 256> of_byte_{};  // of whole numbers
+};
 
 template <typename Source>
 class PlyBodyReader {
@@ -112,10 +154,13 @@ class PlyBodyReader {
         VOXELD_TRY(read_vertices());
       } else if (element.name == "face") {
         VOXELD_TRY(read_faces());
+      } else if (element.name == "tristrips" || element.name == "trifans") {
+        VOXELD_TRY(read_strips(element.name == "trifans"));
       } else {
         VOXELD_TRY(skip_element());
       }
     }
+    append_strips();
     return std::move(mesh_);
   }
 
@@ -184,6 +229,7 @@ class PlyBodyReader {
       }
       VOXELD_TRY(add_vertex(values, roles));
     }
+    decode_colors("vertex", roles, mesh_.colors);
     return {};
   }
 
@@ -207,22 +253,47 @@ class PlyBodyReader {
       const bool finite = std::isfinite(uv.x) && std::isfinite(uv.y);
       mesh_.uvs.push_back(finite ? uv : glm::vec2(0.0f));
     }
-    if (roles.has(kRed, kBlue)) mesh_.colors.push_back(color_of(values, roles));
+    if (roles.has_colors()) mesh_.colors.push_back(raw_color(values, roles));
     return {};
+  }
+
+  // Turns what was written into linear light, by the largest value of the file.
+  void decode_colors(std::string_view of, const Roles& roles, std::vector<glm::vec4>& colors) {
+    if (colors.empty()) return;
+    glm::vec4 max(0.0f);
+    for (const glm::vec4& color : colors) max = glm::max(max, color);  // without NaN
+    const ColorRange rgb(roles.types[roles.has_rgb() ? kRed : kGrey],
+                         std::max({max.x, max.y, max.z}));
+    const ColorRange alpha(roles.types[kAlpha], max.w);
+    warn_of_range(of, "colours (sRGB)", rgb);
+    if (roles.given[kAlpha] && alpha.full() != rgb.full()) warn_of_range(of, "alpha", alpha);
+    for (glm::vec4& color : colors) {
+      const float a = roles.given[kAlpha] ? unit_clamped(color.w * (1.0f / alpha.full())) : 1.0f;
+      color = {rgb.linear(color.x), rgb.linear(color.y), rgb.linear(color.z), a};
+    }
+  }
+
+  void warn_of_range(std::string_view of, std::string_view what, const ColorRange& range) {
+    if (!range.is_guess()) return;
+    mesh_.color_warnings.push_back(std::string(name_) + ": range of " + std::string(of) + " " +
+                                   std::string(what) + ": 0 to " + printed(range.full()) +
+                                   ", not 0 to " + printed(range.other()) + ", as the largest is " +
+                                   printed(range.max()));
+  }
+
+  Result<size_t> indices_property() const {
+    for (size_t i = 0; i < element_->properties.size(); ++i) {
+      const PlyProperty& property = element_->properties[i];
+      const bool named = property.name == "vertex_indices" || property.name == "vertex_index";
+      if (property.is_list && named) return i;
+    }
+    return malformed_mesh(name_, "header", "element " + element_->name,
+                          "a list property vertex_indices", "none");
   }
 
   Status read_faces() {
     const Roles roles(*element_);
-    size_t indices_at = SIZE_MAX;
-    for (size_t i = 0; i < element_->properties.size(); ++i) {
-      const PlyProperty& property = element_->properties[i];
-      const bool named = property.name == "vertex_indices" || property.name == "vertex_index";
-      if (property.is_list && named && indices_at == SIZE_MAX) indices_at = i;
-    }
-    if (indices_at == SIZE_MAX) {
-      return malformed_mesh(name_, "header", "element face", "a list property vertex_indices",
-                            "none");
-    }
+    VOXELD_ASSIGN(const size_t indices_at, indices_property());
     mesh_.face_sizes.reserve(element_->count);
     mesh_.corners.reserve(element_->count * 3);
     Values values{};
@@ -237,6 +308,7 @@ class PlyBodyReader {
       }
       VOXELD_TRY(add_face(first, roles, values));
     }
+    decode_colors("face", roles, mesh_.face_colors);
     return {};
   }
 
@@ -250,19 +322,85 @@ class PlyBodyReader {
     for (uint64_t i = 0; i < length; ++i) {
       double value = 0.0;
       VOXELD_TRY(read_number(property.type, property.name, value));
-      if (!(value >= 0.0 && value < static_cast<double>(vertex_count_)) ||
-          value != std::floor(value)) {
-        return malformed("vertex index out of range", index_range(vertex_count_, "vertices"),
-                         printed(value));
-      }
+      VOXELD_TRY(check_index(value));
       mesh_.corners.push_back(static_cast<uint32_t>(value));
     }
     return {};
   }
 
-  static std::string printed(double value) {
-    const bool whole = value == std::floor(value) && std::abs(value) < 1e15;
-    return whole ? std::to_string(static_cast<int64_t>(value)) : std::to_string(value);
+  Status check_index(double value) const {
+    if (value >= 0.0 && value < static_cast<double>(vertex_count_) && value == std::floor(value)) {
+      return {};
+    }
+    return malformed("vertex index out of range", index_range(vertex_count_, "vertices"),
+                     printed(value));
+  }
+
+  Status read_strips(bool fans) {
+    VOXELD_ASSIGN(const size_t indices_at, indices_property());
+    for (index_ = 0; index_ < element_->count; ++index_) {
+      for (size_t i = 0; i < element_->properties.size(); ++i) {
+        const PlyProperty& property = element_->properties[i];
+        VOXELD_TRY(i == indices_at ? read_strip(property, fans) : skip_property(property));
+      }
+    }
+    return {};
+  }
+
+  // Reads a list of strips or fans, which are separated by -1 (in unsigned types: all bits set).
+  Status read_strip(const PlyProperty& property, bool fans) {
+    uint64_t length = 0;
+    VOXELD_TRY(read_length(property, length));
+    std::array<uint32_t, 3> corners{};
+    uint64_t corner_count = 0;  // of the strip
+    const auto end_strip = [&] {
+      mesh_.skipped_face_count += corner_count == 1 || corner_count == 2 ? 1 : 0;
+      corner_count = 0;
+    };
+    for (uint64_t i = 0; i < length; ++i) {
+      cancel_point();
+      double value = 0.0;
+      VOXELD_TRY(read_number(property.type, property.name, value));
+      if (is_separator(value, property.type)) {
+        end_strip();
+        continue;
+      }
+      VOXELD_TRY(check_index(value));
+      corners[std::min<uint64_t>(corner_count, 2)] = static_cast<uint32_t>(value);
+      if (++corner_count < 3) continue;
+      // Every other triangle of a strip turns the other way.
+      const bool turned = !fans && corner_count % 2 == 0;
+      VOXELD_TRY(add_strip_triangle(corners[turned ? 1 : 0], corners[turned ? 0 : 1], corners[2]));
+      if (!fans) corners[0] = corners[1];
+      corners[1] = corners[2];
+    }
+    end_strip();
+    return {};
+  }
+
+  bool is_separator(double value, PlyType type) const {
+    if (value == -1.0) return true;
+    const double all_bits = std::exp2(8.0 * static_cast<double>(ply_type_bytes(type))) - 1.0;
+    return value == all_bits && value >= static_cast<double>(vertex_count_) && !is_floating(type);
+  }
+
+  // Strips repeat corners to go on elsewhere; such triangles have no area.
+  Status add_strip_triangle(uint32_t a, uint32_t b, uint32_t c) {
+    if (a == b || b == c || c == a) return {};
+    strip_corners_.insert(strip_corners_.end(), {a, b, c});
+    const auto count = static_cast<int64_t>(strip_corners_.size() / 3);
+    if (count <= limits::kTrianglesMax) return {};
+    return over_limit(name_, source_.where(), "too many triangles", limits::kTrianglesMax, count);
+  }
+
+  // Makes faces of the strips, without attributes.
+  void append_strips() {
+    mesh_.corners.insert(mesh_.corners.end(), strip_corners_.begin(), strip_corners_.end());
+    mesh_.face_sizes.resize(mesh_.face_sizes.size() + strip_corners_.size() / 3, 3);
+    const size_t count = mesh_.face_sizes.size();
+    if (!mesh_.face_colors.empty()) mesh_.face_colors.resize(count, glm::vec4(1.0f));
+    if (!mesh_.face_textures.empty()) mesh_.face_textures.resize(count);
+    if (!mesh_.corner_uvs.empty()) mesh_.corner_uvs.resize(mesh_.corners.size());
   }
 
   Status read_face_property(size_t i, const Roles& roles, Values& values) {
@@ -301,7 +439,7 @@ class PlyBodyReader {
       return {};
     }
     mesh_.face_sizes.push_back(static_cast<uint32_t>(corner_count));
-    if (roles.has(kRed, kBlue)) mesh_.face_colors.push_back(color_of(values, roles));
+    if (roles.has_colors()) mesh_.face_colors.push_back(raw_color(values, roles));
     if (has_texture_) mesh_.face_textures.push_back(texture_);
     if (!has_texcoord_) return {};
     if (!texcoord_.empty() && texcoord_.size() != 2 * corner_count) {
@@ -321,7 +459,8 @@ class PlyBodyReader {
   const PlyElement* element_ = nullptr;  // being read
   uint64_t index_ = 0;                   // number of the element being read
   uint64_t vertex_count_ = 0;
-  std::vector<float> texcoord_;  // of the face being read
+  std::vector<float> texcoord_;          // of the face being read
+  std::vector<uint32_t> strip_corners_;  // three per triangle
   int texture_ = 0;
   bool has_texture_ = false, has_texcoord_ = false;
   PlyMesh mesh_;

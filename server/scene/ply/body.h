@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -28,11 +29,13 @@ struct PlyMesh {
   std::vector<glm::vec2> corner_uvs;   // "texcoord"; as written
   std::vector<int> face_textures;      // "texnumber"
   int64_t skipped_face_count = 0;      // with fewer than 3 corners
+  std::vector<std::string> color_warnings;
 };
 
-// Reads all elements; unknown elements and properties are skipped. Colours of integer types are
-// taken as sRGB from 0 to the type's largest value (255 for types wider than 16 bits). Colours of
-// floating-point types are linear light. Errors: malformed-mesh with line or byte and element.
+// Reads all elements; unknown elements and properties are skipped. Colours are red, green and blue,
+// or a grey, in sRGB. Where their type leaves two readings of their range, the largest value
+// decides, and a warning says so. Elements tristrips and trifans become faces behind the others.
+// Errors: malformed-mesh with line or byte and element.
 Result<PlyMesh> read_ply_body(std::string_view name, const PlyHeader& header,
                               std::span<const uint8_t> bytes);
 

@@ -25,6 +25,20 @@ constexpr std::pair<std::string_view, PlyType> kTypes[] = {
     {"float", PlyType::kFloat32},  {"float32", PlyType::kFloat32}, {"double", PlyType::kFloat64},
     {"float64", PlyType::kFloat64}};
 
+// Replaces "<this>", which MeshLab knows as the name of the PLY file without its extension.
+std::string with_own_name(std::string_view text, std::string_view own_name) {
+  constexpr std::string_view kThis = "<this>";
+  std::string_view stem = own_name.substr(own_name.find_last_of("/\\") + 1);
+  stem = stem.substr(0, stem.rfind('.'));
+  std::string out;
+  for (size_t i = 0; i < text.size();) {
+    const bool is_this = equals_ignoring_case(text.substr(i, kThis.size()), kThis);
+    out += is_this ? stem : text.substr(i, 1);
+    i += is_this ? kThis.size() : 1;
+  }
+  return out;
+}
+
 class PlyHeaderReader {
  public:
   PlyHeaderReader(std::string_view name, std::string_view text) : name_(name), text_(text) {}
@@ -94,10 +108,10 @@ class PlyHeaderReader {
 
   Status read_comment(LineCursor& words) {
     LineCursor ahead = words;
-    if (ahead.token() != "TextureFile") return {};
+    if (!equals_ignoring_case(ahead.token(), "TextureFile")) return {};
     const std::string_view file = ahead.rest();
     if (!file.empty() && header_.texture_files.size() < kTextureFilesMax) {
-      header_.texture_files.emplace_back(file);
+      header_.texture_files.push_back(with_own_name(file, name_));
     }
     return {};
   }

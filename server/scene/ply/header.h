@@ -31,7 +31,7 @@ struct PlyElement {
 struct PlyHeader {
   PlyEncoding encoding = PlyEncoding::kAscii;
   std::vector<PlyElement> elements;
-  std::vector<std::string> texture_files;  // "comment TextureFile <name>"
+  std::vector<std::string> texture_files;  // "comment TextureFile NAME"
   size_t data_offset = 0;                  // bytes
   int64_t data_line = 1;                   // first line after the header
 

@@ -106,13 +106,11 @@ std::vector<MeshPart> parts_of(MeshPart part, TriangleData triangles, size_t tex
 }
 
 Error no_faces(std::string_view name, const PlyHeader& header) {
-  const PlyElement* strips = header.element("tristrips");
-  if (strips != nullptr && strips->count > 0) {
-    return {ErrorCode::kUnsupportedFeature, std::string(name) + ": faces as element tristrips",
-            "element face", "element tristrips"};
+  bool is_cloud = true;
+  for (const char* faces : {"face", "tristrips", "trifans"}) {
+    if (header.element(faces) != nullptr) is_cloud = false;
   }
-  return empty_mesh(name,
-                    header.element("face") == nullptr ? "no faces: a point cloud" : "no faces");
+  return empty_mesh(name, is_cloud ? "no faces: a point cloud" : "no faces");
 }
 
 }  // namespace
@@ -125,6 +123,9 @@ Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes, co
   Scene scene;
   scene.format = "ply";
   warn_skipped_faces(scene, name, mesh.skipped_face_count);
+  for (std::string& warning : mesh.color_warnings) {
+    add_warning(scene, "color-range", std::move(warning));
+  }
   TriangleData triangles;
   VOXELD_ASSIGN(MeshPart part, shared_part(name, mesh, triangles));
   const bool has_uvs = !part.uvs.empty() || !triangles.corner_uvs.empty();

@@ -1,4 +1,4 @@
-// Loads PLY, the Stanford polygon format: header (ply_header), body (ply_body), scene (ply.cpp).
+// Loads PLY, the Stanford polygon format: header (header.cpp), body (body.cpp), scene (ply.cpp).
 #pragma once
 
 #include <cstdint>

@@ -9,16 +9,19 @@
 // 14..10 red, 9..5 green, 4..0 blue. Magics: bit 15 clear = this colour counts, set = the
 // object's; 4..0 red, 9..5 green, 14..10 blue. Taken as sRGB.
 //
-// A file is not binary STL if it has a count above kTrianglesMax that its size contradicts, or 84
-// bytes of text.
+// Some writers leave a wrong count. The size wins if it is that of whole triangles; those behind a
+// count above 0 must then look like triangles, and not like rubbish. Any other file is not binary
+// STL if it has a count above kTrianglesMax, or 84 bytes of text.
 //
 // Normals of the file are dropped: they follow from the vertices, and many writers leave zeros.
 #include "server/scene/stl/stl.h"
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
+#include <cmath>
 #include <optional>
+
+#include <glm/geometric.hpp>
 
 #include "proto/limits.h"
 #include "proto/text_file.h"
@@ -43,6 +46,10 @@ uint32_t read_u32(const uint8_t* at) {
 }
 uint32_t read_u16(const uint8_t* at) {
   return uint32_t{at[0]} | uint32_t{at[1]} << 8;
+}
+
+float read_f32(const uint8_t* at) {
+  return std::bit_cast<float>(read_u32(at));
 }
 
 glm::vec4 color_of_bits(uint32_t red, uint32_t green, uint32_t blue) {
@@ -73,7 +80,7 @@ class FacetColors {
     if (object_) {
       return bit15 ? *object_ : color_of_bits(attribute, attribute >> 5, attribute >> 10);
     }
-    return bit15 ? color_of_bits(attribute >> 10, attribute >> 5, attribute) : glm::vec4(1.0f);
+    return bit15 ? stl_color(attribute) : glm::vec4(1.0f);
   }
   // Facets with equal keys have equal colours.
   uint32_t key(uint32_t attribute) const { return any() ? attribute : 0; }
@@ -127,7 +134,49 @@ Error neither(std::string_view name, std::span<const uint8_t> bytes) {
                         std::move(got));
 }
 
+// Whether the normal is a unit vector, zero or not a number, and the corners are not one place.
+bool looks_like_facet(const uint8_t* facet) {
+  const auto vector = [&](size_t at) {
+    return glm::vec3(read_f32(facet + at), read_f32(facet + at + 4), read_f32(facet + at + 8));
+  };
+  const float square = glm::dot(vector(0), vector(0));
+  const bool has_normal = std::abs(square - 1.0f) < 0.1f || square == 0.0f || std::isnan(square);
+  const glm::vec3 a = vector(12), b = vector(24), c = vector(36);
+  return has_normal && (a != b || b != c);
+}
+
+// The number of triangles to read: the declared one, or that of the size if the count is wrong.
+uint32_t true_count(std::span<const uint8_t> bytes, uint32_t declared) {
+  const size_t body = bytes.size() - kFirstTriangle;
+  const size_t held = body / kTriangleBytes;
+  if (body % kTriangleBytes != 0 || held == 0 || held > limits::kTrianglesMax) return declared;
+  for (size_t i = declared == 0 ? held : declared; i < held; ++i) {
+    cancel_point();
+    if (!looks_like_facet(bytes.data() + kFirstTriangle + i * kTriangleBytes)) return declared;
+  }
+  return static_cast<uint32_t>(held);
+}
+
+void warn_of_size(Scene& scene, std::string_view name, uint32_t declared, uint32_t count,
+                  size_t rest) {
+  if (declared != count) {
+    add_warning(scene, "triangle-count",
+                std::string(name) + ": the header declares " + std::to_string(declared) +
+                    " triangles, the size is that of " + std::to_string(count) +
+                    ", which were read");
+  }
+  if (rest > 0) {
+    add_warning(scene, "trailing-bytes",
+                std::string(name) + ": " + std::to_string(rest) + " bytes after the " +
+                    std::to_string(count) + " triangles were left out");
+  }
+}
+
 }  // namespace
+
+glm::vec4 stl_color(uint32_t bits) {
+  return color_of_bits(bits >> 10, bits >> 5, bits);
+}
 
 bool is_binary_stl(std::span<const uint8_t> bytes) {
   if (bytes.size() <= kFirstTriangle) return false;
@@ -137,10 +186,11 @@ bool is_binary_stl(std::span<const uint8_t> bytes) {
 
 Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> bytes) {
   if (bytes.size() < kFirstTriangle) return neither(name, bytes);
-  const uint32_t count = read_u32(bytes.data() + kBinaryHeaderBytes);
-  const uint64_t needed = kFirstTriangle + uint64_t{count} * kTriangleBytes;
+  const uint32_t declared = read_u32(bytes.data() + kBinaryHeaderBytes);
   const std::span<const uint8_t> head = bytes.first(kFirstTriangle);
   const bool is_text = std::all_of(head.begin(), head.end(), is_text_byte);
+  const uint32_t count = is_text ? declared : true_count(bytes, declared);
+  const uint64_t needed = kFirstTriangle + uint64_t{count} * kTriangleBytes;
   if (bytes.size() != needed && (is_text || count > limits::kTrianglesMax)) {
     return neither(name, bytes);
   }
@@ -155,11 +205,7 @@ Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> by
   if (count == 0) return empty_mesh(name, "no triangles");
   Scene scene;
   scene.format = "stl";
-  if (bytes.size() > needed) {
-    add_warning(scene, "trailing-bytes",
-                std::string(name) + ": " + std::to_string(bytes.size() - needed) +
-                    " bytes after the last triangle were left out");
-  }
+  warn_of_size(scene, name, declared, count, bytes.size() - needed);
   const FacetColors colors(bytes, count);
   MeshPart& part = scene.parts.emplace_back();
   part.indices.reserve(size_t{count} * 3);
@@ -167,7 +213,10 @@ Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> by
   for (uint32_t i = 0; i < count; ++i) {
     cancel_point();
     const uint8_t* facet = bytes.data() + kFirstTriangle + size_t{i} * kTriangleBytes;
-    VOXELD_TRY(add_facet(name, i, facet, colors, table, part));
+    const Status added = add_facet(name, i, facet, colors, table, part);
+    // With a count that is none, numbers that are none mean another kind of file.
+    if (!added && declared > limits::kTrianglesMax) return neither(name, bytes);
+    VOXELD_TRY(added);
   }
   return scene;
 }
@@ -178,8 +227,9 @@ Result<Scene> load_stl(std::string_view name, std::span<const uint8_t> bytes) {
   std::string storage;
   const std::string_view head =
       plain_text(bytes.first(std::min(bytes.size(), kTextHeadBytes)), storage);
-  const bool text =
-      equals_ignoring_case(TextCursor(head).token(), "solid") && head.find('\0') == head.npos;
+  const std::string_view word = TextCursor(head).token();
+  const bool text = (equals_ignoring_case(word, "solid") || equals_ignoring_case(word, "facet")) &&
+                    head.find('\0') == head.npos;
   if (!text) return load_stl_binary(name, bytes);
   std::string text_storage;
   return load_stl_ascii(name, plain_text(bytes, text_storage));

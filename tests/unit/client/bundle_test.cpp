@@ -128,6 +128,66 @@ TEST_F(Bundle, keywords_of_materials_are_read_in_any_case) {
               ElementsAre("a.mtl", "a.png", "b.png"));
 }
 
+// As a bundle on the daemon does (FileNames).
+TEST_F(Bundle, files_are_found_in_another_case_folder_or_on_another_machine_s_disk) {
+  put("wall.mtl",
+      "map_Kd Textures\\BRICK.PNG\nmap_Kd C:\\Users\\me\\Skin.png\n"
+      "map_Kd -clamp on /home/me/my moss.png\nmap_Kd bark.png\nmap_Kd leaf.png\n");
+  put("textures/brick.png");
+  put("textures/deep/skin.png");
+  put("my moss.png");
+  for (const char* name : {"Bark.png", "BARK.png", "oak/leaf.png", "elm/leaf.png"}) put(name);
+  put(".hidden/leaf.png");
+  EXPECT_THAT(
+      referenced_files(put("a.obj", "mtllib Wall.MTL\n")),
+      ElementsAre("wall.mtl", "textures/brick.png", "textures/deep/skin.png", "my moss.png"));
+  put("sub/b.mtl");
+  EXPECT_THAT(referenced_files(put("b.obj", "mtllib none.mtl D:\\y\\B.mtl sub/b.mtl\n")),
+              ElementsAre("sub/b.mtl"));
+}
+
+TEST_F(Bundle, files_are_found_in_a_legacy_encoding) {
+  put("\xb2\xc4.mtl", "map_Kd D:\\\xcf\xee\\\xcc\xf9\xcd\xbc.png\n");  // all in GBK
+  put("贴图.png");
+  put("\x95\x5c.png");  // 表 in Shift-JIS, with a backslash
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib \xb2\xc4.mtl\n")),
+              ElementsAre("\xb2\xc4.mtl", "贴图.png"));
+  put("b.mtl", "map_Kd \x95\x5c.png\n");
+  EXPECT_THAT(referenced_files(put("b.obj", "mtllib b.mtl\n")),
+              ElementsAre("b.mtl", "\x95\x5c.png"));
+}
+
+TEST_F(Bundle, a_ply_gives_its_textures) {
+  for (const char* name : {"my skin.png", "a_0.png", "tex/b.jpg", "c.png"}) put(name);
+  EXPECT_THAT(referenced_files(put("a.ply",
+                                   "ply\r\nformat binary_little_endian 1.0\r\n"
+                                   "comment TextureFile my skin.png \r\n"
+                                   "comment  texturefile\t<this>_0.png\r\n"
+                                   "comment TextureFile C:\\scan\\B.JPG\r\n"
+                                   "comment TextureFile\r\ncomment c.png\r\nend_header\r\n"
+                                   "comment TextureFile c.png\n")),
+              ElementsAre("my skin.png", "a_0.png", "tex/b.jpg"));
+}
+
+TEST_F(Bundle, a_glb_gives_its_files) {
+  put("skin.png");
+  const std::string json = R"({"images":[{"uri":"skin.png"},{"bufferView":0}]})";
+  std::string glb = "glTF" + std::string("\2\0\0\0\0\0\0\0", 8);
+  glb += static_cast<char>(json.size());
+  glb += std::string("\0\0\0JSON", 7) + json + "rest";
+  EXPECT_THAT(referenced_files(put("a.glb", glb)), ElementsAre("skin.png"));
+  glb[14] = 1;  // longer than the file
+  EXPECT_THAT(referenced_files(put("a.glb", glb)), IsEmpty());
+}
+
+TEST_F(Bundle, several_libraries_with_folders_and_blanks_are_separated) {
+  for (const char* name : {"a.mtl", "sub/b.mtl", "my own.mtl", "plain"}) put(name);
+  EXPECT_THAT(referenced_files(put("a.obj",
+                                   "mtllib a.mtl sub/b.mtl\nmtllib C:\\My Files\\my own.MTL "
+                                   "plain # of mine.mtl\n")),
+              ElementsAre("a.mtl", "sub/b.mtl", "my own.mtl", "plain"));
+}
+
 TEST_F(Bundle, comments_and_lines_without_a_name_give_nothing) {
   put("a.mtl", "# map_Kd skin.png\nmap_Kd\nmap_Kd -s 1 1 1\nmap_Kd \r\n");
   put("skin.png");
@@ -311,6 +371,14 @@ TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) 
   EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=the%20a.zip");
   EXPECT_THAT(names_in(server.asked()[0].body),
               ElementsAre("the a.obj", "my a.mtl", "tex/bäume.png"));
+}
+
+TEST_F(Bundle, names_that_are_not_utf8_are_sent_as_they_are) {
+  put("K\xf6rper.mtl");
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
+  client::Client(server.url())
+      .upload(MeshSource::open(put("a.obj", "mtllib K\xf6rper.mtl\n")).source());
+  EXPECT_THAT(server.asked()[0].body, HasSubstr("K\xf6rper.mtl"));
 }
 
 TEST_F(Bundle, files_beside_the_mesh_are_sent_under_their_own_names) {

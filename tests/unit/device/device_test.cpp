@@ -38,6 +38,26 @@ TEST(Device, other_names_are_refused_with_the_forms) {
   }
 }
 
+TEST(Device, software_renderers_are_known_by_name) {
+  for (const char* renderer :
+       {"llvmpipe (LLVM 15.0.6, 256 bits)", "softpipe", "Software Rasterizer",
+        "zink (llvmpipe (LLVM 15.0.6, 256 bits))",
+        "zink Vulkan 1.4(llvmpipe (LLVM 19.1.7, 256 bits) (MESA_LLVMPIPE))",
+        "virgl (LLVMPIPE (LLVM 15.0.7, 256 bits))", "D3D12 (Microsoft Basic Render Driver)",
+        "ANGLE (Google, Vulkan 1.3.0 (SwiftShader Device (Subzero) (0x0000C0DE)), SwiftShader)",
+        "Gallium 0.4 on OpenSWR (LLVM 3.8, 256 bits)", "Apple Software Renderer"}) {
+    EXPECT_TRUE(is_software_renderer(renderer)) << renderer;
+  }
+  for (const char* renderer :
+       {"NVIDIA H100 PCIe/PCIe/SSE2",
+        "AMD Radeon RX 7900 (radeonsi, navi31, LLVM 17.0.6, DRM 3.57)",
+        "Mesa Intel(R) UHD Graphics 620 (KBL GT2)", "D3D12 (NVIDIA GeForce RTX 3070)",
+        "zink Vulkan 1.3(NVIDIA GeForce RTX 3070 (NVIDIA_PROPRIETARY))", "virgl (AMD Radeon)",
+        "SVGA3D; build: RELEASE;  LLVM;", "FakeGPU", ""}) {
+    EXPECT_FALSE(is_software_renderer(renderer)) << renderer;
+  }
+}
+
 DeviceProbe working(const char* name, bool is_software, const char* renderer) {
   DeviceProbe probe;
   probe.device = *parse_device(name);

@@ -69,6 +69,31 @@ TEST(Obj, continued_lines_carriage_returns_comments_and_a_byte_order_mark_are_re
   EXPECT_EQ(scene->triangle_count(), 2u);
 }
 
+TEST(Obj, faces_of_one_or_two_corners_are_left_out) {
+  const auto scene = load_text("a.obj", std::string("l 1 2 3 4\nf 1\n") + kSquare +
+                                            "usemtl wire\nl -1 -2\nf 1 2 # an edge\nf\np 3\n"
+                                            "usemtl board\nf 1 2 3 4\nf 2/ 3/\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  test::expect_consistent(*scene);
+  EXPECT_EQ(scene->triangle_count(), 2u);
+  ASSERT_EQ(scene->parts.size(), 1u);
+  ASSERT_GE(scene->warnings.size(), 1u);
+  EXPECT_EQ(scene->warnings[0].code, "skipped-faces");
+  EXPECT_EQ(scene->warnings[0].detail, "a.obj: 4 faces with fewer than 3 corners were left out");
+}
+
+TEST(Obj, a_backslash_continues_a_line_with_blanks_behind_it_but_not_a_comment) {
+  const char* texts[] = {"f 1 2 \\ \t\n 3 \\\t\r\n4\n",          // blanks behind
+                         "# in C:\\meshes\\\nf 1 2 3 4\n",       // a comment with a path
+                         " # one \\\r\n# two \\ \nf 1 2 3 4\n",  // several of them
+                         "f 1 2 3 4 # made in C:\\\nf 1 2\n"};   // one behind a statement
+  for (const char* text : texts) {
+    const auto scene = load_text("a.obj", std::string(kSquare) + text);
+    ASSERT_TRUE(scene) << text << scene.error().message();
+    EXPECT_EQ(scene->triangle_count(), 2u) << text;
+  }
+}
+
 TEST(Obj, groups_and_objects_name_parts) {
   const auto scene = load_text("a.obj", std::string(kSquare) +
                                             "o left hand\nf 1 2 3\ng arm\nf 1 3 4\no left hand\n"
@@ -186,7 +211,9 @@ TEST(Obj, mistakes_are_reported_with_line_and_expectation) {
       {"\nv 0 1e31 0\n", "a.obj line 2: vertex: expected finite numbers up to 1e30, got \"1e31\""},
       {"v 0 0 0 red\n", "a.obj line 1: vertex: expected finite numbers up to 1e30, got \"red\""},
       {"vt\n", "a.obj line 1: texture coordinate: expected at least 1 number, got 0"},
-      {square + "f 1 2\n", "a.obj line 5: face: expected at least 3 corners, got 2"},
+      {square + "f 1 2\nf\n",
+       "a.obj: the mesh is empty: expected at least one triangle, got only faces of one or two "
+       "corners"},
       {square + "f 1 2 9\n",
        "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 9"},
       {square + "f 1 2 -5\n",
@@ -390,7 +417,8 @@ TEST(Obj, several_names_with_blanks_and_folders_are_separated) {
     const std::string bytes = zip.add("a.obj", text).bytes();
     const auto scene = load_text("a.zip", bytes);
     ASSERT_TRUE(scene) << line << scene.error().message();
-    EXPECT_THAT(scene->warnings, testing::IsEmpty()) << line;
+    const bool is_of_a_disk = std::string_view(line).starts_with("C:");
+    EXPECT_EQ(scene->warnings.size(), is_of_a_disk ? 2u : 0u) << line;
     for (const Material& material : scene->materials) {
       EXPECT_EQ(material.base_color, glm::vec4(1, 0, 0, 1)) << line << ": " << material.name;
     }
@@ -445,6 +473,39 @@ TEST(Obj, each_missing_file_is_named_once) {
   EXPECT_EQ(scene->missing_files[1].name, ".\\gone.png");
   EXPECT_EQ(scene->missing_files[1].needed_by, "material \"a\"");
   EXPECT_FALSE(scene->has_colors()) << "no Kd, no texture: no colour";
+}
+
+TEST(Obj, files_under_other_names_are_taken_with_a_warning) {
+  const std::string zip =
+      test::ZipMaker()
+          .add("wall.mtl",
+               "newmtl a\nmap_Kd Textures\\\\BRICK.PNG\nnewmtl b\n"
+               "map_Kd C:\\Users\\me\\Skin.png\nnewmtl c\nmap_Kd K\xf6rper.png\n")
+          .add("textures/brick.png", "x")
+          .add("Skin.png", "x")
+          .add("K\x94rper.png", "x")
+          .add("a.obj", std::string("mtllib Wall.MTL\n") + kSquare +
+                            "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\nusemtl c\nf 1 3 4\n")
+          .bytes();
+  const auto scene = load_text("a.zip", zip);
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_TRUE(scene->missing_files.empty());
+  EXPECT_EQ(scene->images.size(), 3u);
+  std::vector<std::string> details;
+  for (const Warning& warning : scene->warnings) {
+    EXPECT_EQ(warning.code, "assumed-file");
+    details.push_back(warning.detail);
+  }
+  EXPECT_THAT(
+      details,
+      testing::ElementsAre(
+          "Wall.MTL, named by a.obj: wall.mtl is taken for it (the same name in another case)",
+          "Textures\\\\BRICK.PNG, named by material \"a\": textures/brick.png is taken for it (the "
+          "same name in another case)",
+          "C:\\Users\\me\\Skin.png, named by material \"b\": Skin.png is taken for it (the end of "
+          "the path)",
+          "K\xf6rper.png, named by material \"c\": K\xc3\xb6rper.png is taken for it (read as "
+          "CP1252 and CP850)"));
 }
 
 TEST(Obj, warnings_are_capped) {

@@ -1,5 +1,7 @@
 #include <gmock/gmock.h>
 
+#include <cmath>
+
 #include "tests/unit/scene/scene_test_util.h"
 
 namespace voxeld {
@@ -7,6 +9,7 @@ namespace {
 
 using test::ByteWriter;
 using test::load_text;
+using test::MapBundle;
 using test::message_of;
 
 constexpr char kXyz[] = "property float x\nproperty float y\nproperty float z\n";
@@ -97,12 +100,120 @@ TEST(Ply, text_reads_normals_texture_coordinates_and_colours) {
   EXPECT_FLOAT_EQ(part.colors[0].w, 0.2f);
 }
 
-TEST(Ply, colours_of_floats_are_linear) {
-  const auto scene =
-      load_text("a.ply", ascii("property float red\nproperty float green\nproperty float blue\n",
-                               "", "0 0 0 0.5 0 2\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2\n"));
-  ASSERT_TRUE(scene) << scene.error().message();
-  EXPECT_EQ(scene->parts[0].colors[0], glm::vec4(0.5f, 0, 1, 1));
+struct ReadColors {
+  std::vector<std::vector<int>> bytes;  // red, green, blue in sRGB, and alpha
+  std::vector<std::string> warnings;
+};
+// Reads three vertices with properties `names` of `type`.
+ReadColors read_colors(const std::string& type, std::vector<std::string> names,
+                       const std::vector<std::string>& rows) {
+  std::string properties, body;
+  for (const std::string& name : names) properties += "property " + type + " " + name + "\n";
+  const char* places[] = {"0 0 0 ", "1 0 0 ", "0 1 0 "};
+  for (size_t i = 0; i < 3; ++i) body += places[i] + rows[i] + "\n";
+  const auto scene = load_text("a.ply", ascii(properties, "", body + "3 0 1 2\n"));
+  EXPECT_TRUE(scene) << scene.error().message();
+  if (!scene) return {};
+  test::expect_consistent(*scene);
+  ReadColors read{{}, test::warnings_of(*scene)};
+  for (const glm::vec4& color : scene->parts[0].colors) {
+    std::vector<int>& bytes = read.bytes.emplace_back();
+    for (int i = 0; i < 3; ++i) {
+      const float c = color[i];
+      const float srgb = c <= 0.0031308f ? 12.92f * c : 1.055f * std::pow(c, 1 / 2.4f) - 0.055f;
+      bytes.push_back(static_cast<int>(std::lround(255 * srgb)));
+    }
+    bytes.push_back(static_cast<int>(std::lround(255 * color.w)));
+  }
+  return read;
+}
+
+TEST(Ply, the_largest_value_tells_the_range_of_colours) {
+  using testing::ElementsAre;
+  using testing::IsEmpty;
+  const std::vector<std::string> rgb = {"red", "green", "blue"};
+  const struct {
+    const char* type;
+    std::vector<std::string> rows;
+    std::vector<int> last;
+    const char* warning;  // its end
+  } cases[] = {{"uchar", {"0 0 0", "1 1 1", "0 1 1"}, {0, 1, 1, 255}, ""},
+               {"uchar", {"0 0 0", "255 0 0", "128 64 255"}, {128, 64, 255, 255}, ""},
+               {"char", {"0 0 0", "-1 0 0", "-128 64 -1"}, {128, 64, 255, 255}, ""},
+               {"int", {"0 0 0", "200 0 0", "128 64 100"}, {128, 64, 100, 255}, ""},
+               {"float",
+                {"0 0 0", "nan 0 0", "0.501961 0.250980 1.0"},
+                {128, 64, 255, 255},
+                "0 to 1, not 0 to 255, as the largest is 1"},
+               {"double",
+                {"0 0 0", "0.5 0 -1", "1.0625 0 0"},
+                {255, 0, 0, 255},
+                "0 to 1, not 0 to 255, as the largest is 1.062500"},
+               {"float",
+                {"0 0 0", "0 0 0", "128.0 0.5 0.0"},
+                {128, 1, 0, 255},
+                "0 to 255, not 0 to 1, as the largest is 128"},
+               {"float",
+                {"0 0 0", "255 0 0", "128 64 300"},
+                {128, 64, 255, 255},
+                "0 to 255, not 0 to 1, as the largest is 300"},
+               {"ushort", {"0 0 0", "65535 0 0", "32896 16448 65535"}, {128, 64, 255, 255}, ""},
+               {"short", {"0 0 0", "32767 0 0", "16448 8224 32767"}, {128, 64, 255, 255}, ""},
+               {"ushort",
+                {"0 0 0", "255 0 0", "128 64 255"},
+                {128, 64, 255, 255},
+                "0 to 255, not 0 to 65535, as the largest is 255"},
+               {"uint",
+                {"0 0 0", "65535 0 0", "32896 16448 65535"},
+                {128, 64, 255, 255},
+                "0 to 65535, not 0 to 255, as the largest is 65535"}};
+  for (const auto& [type, rows, last, warning] : cases) {
+    const ReadColors read = read_colors(type, rgb, rows);
+    ASSERT_EQ(read.bytes.size(), 3u) << type;
+    EXPECT_EQ(read.bytes[2], last) << type << " " << rows[2];
+    if (*warning == '\0') {
+      EXPECT_THAT(read.warnings, IsEmpty()) << type;
+    } else {
+      EXPECT_THAT(read.warnings,
+                  ElementsAre(testing::AllOf(
+                      testing::StartsWith("color-range: a.ply: range of vertex colours (sRGB): "),
+                      testing::EndsWith(warning))));
+    }
+  }
+}
+
+TEST(Ply, alpha_has_a_range_of_its_own) {
+  const ReadColors read =
+      read_colors("float", {"r", "g", "b", "a"}, {"255 0 0 1", "0 255 0 0.5", "0 0 255 0"});
+  EXPECT_THAT(read.bytes,
+              testing::ElementsAre(std::vector{255, 0, 0, 255}, std::vector{0, 255, 0, 128},
+                                   std::vector{0, 0, 255, 0}));
+  EXPECT_THAT(
+      read.warnings,
+      testing::ElementsAre(
+          "color-range: a.ply: range of vertex colours (sRGB): 0 to 255, not 0 to 1, as the "
+          "largest is 255",
+          "color-range: a.ply: range of vertex alpha: 0 to 1, not 0 to 255, as the largest is 1"));
+}
+
+TEST(Ply, colours_have_many_names) {
+  const std::vector<std::string> rows = {"0 0 0", "0 0 0", "255 128 64"};
+  for (const std::vector<std::string>& names : {std::vector<std::string>{"red", "green", "blue"},
+                                                {"r", "g", "b"},
+                                                {"Red", "Green", "Blue"},
+                                                {"diffuse_red", "diffuse_green", "diffuse_blue"}}) {
+    EXPECT_EQ(read_colors("uchar", names, rows).bytes.at(2), (std::vector{255, 128, 64, 255}));
+  }
+  for (const char* name : {"grey", "gray", "luminance", "intensity"}) {
+    EXPECT_EQ(read_colors("uchar", {name}, {"0", "255", "100"}).bytes.at(2),
+              (std::vector{100, 100, 100, 255}));
+  }
+  EXPECT_EQ(read_colors("ushort", {"Intensity"}, {"0", "65535", "32896"}).bytes.at(2),
+            (std::vector{128, 128, 128, 255}));
+  EXPECT_EQ(read_colors("uchar", {"grey", "alpha"}, {"0 9", "9 9", "100 51"}).bytes.at(2),
+            (std::vector{100, 100, 100, 51}));
+  EXPECT_THAT(read_colors("float", {"intensity"}, {"0.5", "0.5", "0.5"}).bytes, testing::IsEmpty())
+      << "a property of Stanford's scans";
 }
 
 TEST(Ply, normals_without_direction_drop_all_normals) {
@@ -138,6 +249,18 @@ TEST(Ply, the_texture_named_in_a_comment_is_used) {
   EXPECT_EQ(scene->materials[0].image, -1);
 }
 
+TEST(Ply, this_in_the_name_of_a_texture_is_the_name_of_the_file) {
+  std::string text = ascii("property float u\nproperty float v\n", "",
+                           "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n");
+  text.insert(text.find("element"), "comment TEXTUREFILE <this>_<This>.png\n");
+  MapBundle bundle;
+  bundle.add("scans/b.head.ply", text);
+  const auto scene = load_scene("", bundle, {.decode_images = false});
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->materials.size(), 1u);
+  EXPECT_EQ(scene->materials[0].name, "b.head_b.head.png");
+}
+
 TEST(Ply, corner_texture_coordinates_and_texture_numbers_make_parts) {
   std::string text = ascii(
       "", "property list uchar float texcoord\nproperty int texnumber\n",
@@ -169,6 +292,73 @@ TEST(Ply, faces_of_fewer_than_three_corners_are_left_out_with_a_warning) {
   ASSERT_EQ(scene->warnings.size(), 1u);
   EXPECT_EQ(scene->warnings[0].code, "skipped-faces");
   EXPECT_EQ(scene->warnings[0].detail, "a.ply: 2 faces with fewer than 3 corners were left out");
+}
+
+// The corners of each triangle.
+std::vector<std::vector<uint32_t>> triangles_of(const Scene& scene) {
+  std::vector<std::vector<uint32_t>> triangles;
+  const std::vector<uint32_t>& indices = scene.parts.at(0).indices;
+  for (size_t i = 0; i + 2 < indices.size(); i += 3) {
+    triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
+  }
+  return triangles;
+}
+
+// Strips or fans over a cube's corners; `rows` are the lists in text.
+std::string strips_ply(const std::string& element, const std::string& type, int row_count,
+                       const std::string& rows, const std::string& more = "") {
+  return std::string("ply\nformat ascii 1.0\nelement vertex 8\n") + kXyz + "element " + element +
+         " " + std::to_string(row_count) + "\nproperty list int " + type + " vertex_indices\n" +
+         more + "end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n" + rows +
+         "\n";
+}
+
+TEST(Ply, strips_become_triangles_of_one_side) {
+  const std::vector<std::vector<uint32_t>> wanted = {
+      {0, 1, 4}, {4, 1, 5}, {4, 5, 7}, {1, 2, 5}, {5, 2, 6}};
+  for (const std::string& file :
+       {strips_ply("tristrips", "int", 1, "10 0 1 4 5 7 -1 1 2 5 6"),
+        strips_ply("tristrips", "int", 1, "11 0 1 4 5 7 -1 1 2 5 6 -1"),
+        strips_ply("tristrips", "char", 1, "11 -1 0 1 4 5 7 -1 1 2 5 6"),
+        strips_ply("tristrips", "uchar", 1, "10 0 1 4 5 7 255 1 2 5 6"),
+        strips_ply("tristrips", "uint", 1, "10 0 1 4 5 7 4294967295 1 2 5 6"),
+        strips_ply("tristrips", "int", 2, "5 0 1 4 5 7\n4 1 2 5 6"),
+        // Repeated corners lead from one strip to the next.
+        strips_ply("tristrips", "int", 1, "12 0 1 4 5 7 7 1 1 1 2 5 6")}) {
+    const auto scene = load_text("a.ply", file);
+    ASSERT_TRUE(scene) << scene.error().message();
+    test::expect_consistent(*scene);
+    EXPECT_EQ(triangles_of(*scene), wanted) << file;
+    EXPECT_THAT(test::warnings_of(*scene), testing::IsEmpty());
+  }
+}
+
+TEST(Ply, fans_become_triangles_around_their_first_corner) {
+  const auto scene =
+      load_text("a.ply", strips_ply("trifans", "int", 2, "7 0 1 2 3 -1 4 5\n3 5 6 7"));
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(triangles_of(*scene),
+            (std::vector<std::vector<uint32_t>>{{0, 1, 2}, {0, 2, 3}, {5, 6, 7}}));
+  EXPECT_THAT(test::warnings_of(*scene),
+              testing::ElementsAre(
+                  "skipped-faces: a.ply: 1 faces with fewer than 3 corners were left out"));
+}
+
+TEST(Ply, strips_follow_the_faces_and_their_attributes) {
+  std::string file = strips_ply("tristrips", "int", 1, "4 0 1 3 2\n3 4 5 6 255 0 0 6 0 0 1 0 1 1 0",
+                                std::string("element face 1\n") + kFaces +
+                                    "property uchar red\nproperty uchar green\n"
+                                    "property uchar blue\nproperty list uchar float texcoord\n"
+                                    "property int texnumber\n");
+  const auto scene = load_text("a.ply", file);
+  ASSERT_TRUE(scene) << scene.error().message();
+  test::expect_consistent(*scene);
+  const MeshPart& part = scene->parts[0];
+  EXPECT_EQ(part.positions[part.indices[0]], glm::dvec3(0, 0, 1));
+  EXPECT_EQ(part.colors[part.indices[0]], glm::vec4(1, 0, 0, 1));
+  EXPECT_EQ(part.colors[part.indices[8]], glm::vec4(1));
+  EXPECT_EQ(part.uvs[part.indices[1]], glm::vec2(1, 1));
+  EXPECT_EQ(scene->triangle_count(), 3u);
 }
 
 TEST(Ply, mistakes_of_the_header_are_reported) {
@@ -213,7 +403,10 @@ TEST(Ply, mistakes_of_the_header_are_reported) {
       {std::string("ply\nformat ascii 1.0\nelement vertex 1\n") + kXyz +
            "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n3 0 0 "
            "0\n",
-       "a.ply: faces as element tristrips: expected element face, got element tristrips"}};
+       "a.ply: the mesh is empty: expected at least one triangle, got no faces"},
+      {std::string("ply\nformat ascii 1.0\nelement vertex 1\n") + kXyz +
+           "element tristrips 1\nproperty int n\nend_header\n0 0 0 1\n",
+       "a.ply header: element tristrips: expected a list property vertex_indices, got none"}};
   for (const auto& [text, message] : cases) {
     EXPECT_EQ(message_of(load_text("a.ply", text)), message) << text;
   }
@@ -239,6 +432,14 @@ TEST(Ply, mistakes_of_the_body_are_reported_with_line_and_element) {
       {ascii("", "", "0 0 0\n1 0 0\n0 1 0\n4000000000 0 1 2\n"),
        "a.ply line 13: face 0: length of vertex_indices: expected as many as the file holds, got "
        "4000000000"},
+      {strips_ply("tristrips", "int", 1, "4 0 1 2 8"),
+       "a.ply line 18: tristrips 0: vertex index out of range: expected 0..7, got 8"},
+      {strips_ply("tristrips", "uchar", 1, "4 0 1 2 254"),
+       "a.ply line 18: tristrips 0: vertex index out of range: expected 0..7, got 254"},
+      {strips_ply("trifans", "int", 1, "4 0 1 2 -2"),
+       "a.ply line 18: trifans 0: vertex index out of range: expected 0..7, got -2"},
+      {strips_ply("tristrips", "int", 1, "4 0 1 2"),
+       "a.ply line 19: tristrips 0: vertex_indices: expected a number, got the end of the file"},
       {ascii("", "property list uchar float texcoord\n",
              "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 4 0 0 0 0\n"),
        "a.ply line 14: face 0: texcoord: expected 6 numbers, got 4"}};

@@ -67,6 +67,13 @@ inline std::vector<std::string> origins_of(const Scene& scene) {
   return origins;
 }
 
+// "code: detail" of each warning.
+inline std::vector<std::string> warnings_of(const Scene& scene) {
+  std::vector<std::string> all;
+  for (const Warning& warning : scene.warnings) all.push_back(warning.code + ": " + warning.detail);
+  return all;
+}
+
 inline double area_of(const Scene& scene) {
   double area = 0.0;
   for (const MeshPart& part : scene.parts) {

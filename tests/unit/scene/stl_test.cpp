@@ -32,6 +32,14 @@ std::string stl_of(const std::vector<Facet>& facets, std::string header = "") {
   return w.bytes();
 }
 
+// The facet of kLeft as text. `loop_end`, `facet_end`: the lines that end them.
+std::string facet_text(const std::string& loop_end = "endloop",
+                       const std::string& facet_end = "endfacet") {
+  return " facet normal 0 0 1\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n   vertex 0 1 0\n "
+         " " +
+         loop_end + "\n " + facet_end + "\n";
+}
+
 Facet colored(Facet facet, uint16_t attribute) {
   facet.attribute = attribute;
   return facet;
@@ -55,7 +63,42 @@ TEST(Stl, trailing_bytes_are_a_warning) {
   const auto scene = load_text("a.stl", stl_of({kLeft}) + "xyz");
   ASSERT_TRUE(scene) << scene.error().message();
   ASSERT_EQ(scene->warnings.size(), 1u);
-  EXPECT_EQ(scene->warnings[0].detail, "a.stl: 3 bytes after the last triangle were left out");
+  EXPECT_EQ(scene->warnings[0].detail, "a.stl: 3 bytes after the 1 triangles were left out");
+}
+
+std::string stl_that_declares(uint32_t count, const std::vector<Facet>& facets,
+                              const std::string& rest = "") {
+  std::string bytes = stl_of(facets) + rest;
+  for (size_t i = 0; i < 4; ++i) bytes[80 + i] = static_cast<char>(count >> 8 * i);
+  return bytes;
+}
+
+TEST(Stl, the_size_wins_over_a_wrong_count_with_a_warning) {
+  constexpr uint16_t kRed = 0x8000 | 31 << 10;
+  const std::vector<Facet> facets = {kLeft, kRight, colored(kLeft, kRed)};
+  for (const uint32_t count : {0u, 1u, 4u, 5000u, 0xffffffffu}) {
+    const auto scene = load_text("a.stl", stl_that_declares(count, facets));
+    ASSERT_TRUE(scene) << scene.error().message();
+    test::expect_consistent(*scene);
+    EXPECT_EQ(scene->triangle_count(), 3u);
+    EXPECT_TRUE(scene->has_colors());
+    EXPECT_THAT(
+        test::warnings_of(*scene),
+        testing::ElementsAre("triangle-count: a.stl: the header declares " + std::to_string(count) +
+                             " triangles, the size is that of 3, which were read"));
+  }
+}
+
+TEST(Stl, rubbish_of_whole_triangles_behind_the_last_is_left_out) {
+  for (const std::string& rubbish : {std::string(100, '\0'), std::string(100, 'x'),
+                                     stl_of({kLeft}).substr(84) + std::string(50, '\0')}) {
+    const auto scene = load_text("a.stl", stl_that_declares(2, {kLeft, kRight}, rubbish));
+    ASSERT_TRUE(scene) << scene.error().message();
+    EXPECT_EQ(scene->triangle_count(), 2u);
+    EXPECT_THAT(test::warnings_of(*scene),
+                testing::ElementsAre("trailing-bytes: a.stl: 100 bytes after the 2 triangles were "
+                                     "left out"));
+  }
 }
 
 TEST(Stl, viscam_colours_are_bgr_with_the_top_bit) {
@@ -112,20 +155,136 @@ TEST(Stl, more_solids_than_parts_may_be_go_together) {
 
 TEST(Stl, text_and_binary_of_one_mesh_are_the_same_vertices) {
   const auto text = load_text("a.stl",
-                              "solid\nfacet normal 0 0 1 outer loop vertex 0.1 0 0 vertex 1 0 0 "
-                              "vertex 0 0.3333333333 0 endloop endfacet endsolid");
-  const auto bytes = load_text("a.stl", stl_of({{{0.1f, 0, 0, 1, 0, 0, 0, 0.3333333333f, 0}}}));
+                              "solid\nfacet normal 0 0 1 outer loop vertex 0.125 -0 0 vertex 1 0 0 "
+                              "vertex 0 3.75e-1 0 endloop endfacet endsolid");
+  const auto bytes = load_text("a.stl", stl_of({{{0.125f, 0, 0, 1, 0, 0, 0, 0.375f, 0}}}));
   ASSERT_TRUE(text) << text.error().message();
   ASSERT_TRUE(bytes) << bytes.error().message();
   EXPECT_EQ(text->parts[0].positions, bytes->parts[0].positions);
 }
 
+TEST(Stl, text_keeps_the_digits_of_places_far_from_the_origin) {
+  const auto scene = load_text(
+      "a.stl",
+      "solid\nfacet normal 0 0 1\nouter loop\nvertex -2487003.578125 -4684680.453125 3529638\n"
+      "vertex -2487004.078125 -4684680.890625 3529638.484375\n"
+      "vertex -2487003.5781250 -4684680.453126 3529638\nendloop\nendfacet\n"
+      "facet normal 0 0 1\nouter loop\nvertex -2487003.578125 -4684680.453125 3529638\n"
+      "vertex -2487003.5781250 -4684680.453126 3529638.0\n"
+      "vertex 0 0 0.1\nendloop\nendfacet\nendsolid\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  const MeshPart& part = scene->parts[0];
+  EXPECT_THAT(part.positions,
+              testing::ElementsAre(glm::dvec3(-2487003.578125, -4684680.453125, 3529638),
+                                   glm::dvec3(-2487004.078125, -4684680.890625, 3529638.484375),
+                                   glm::dvec3(-2487003.578125, -4684680.453126, 3529638),
+                                   glm::dvec3(0, 0, 0.1)));
+  EXPECT_THAT(part.indices, testing::ElementsAre(0, 1, 2, 0, 2, 3));
+}
+
+TEST(Stl, text_is_read_as_many_programs_write_it) {
+  const std::string facet = facet_text();
+  const std::string files[] = {
+      "solid a\n" + facet_text("end loop") + "endsolid a\n",
+      "solid a\n" + facet_text("end loop", "end facet") + "end solid a\n",
+      "SOLID A\n" + facet_text("END LOOP", "END FACET") + "END SOLID A\n",
+      "solid a\n" + facet + "end solid solid a of facet models\n",
+      "solid a\nsolid a\n" + facet + "endsolid a\n",
+      "solid a\n" + facet + "endsolid a\nendsolid a\n",
+      "solid a\n" + facet + "endsolid a\nend solid\nendsolid\n",
+      "solid a of facet models\n" + facet + "endsolid\n",
+      facet + "endsolid\n",
+      "solid a facet normal 0 0 1 outerloop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 end\nloop "
+      "endfacet endsolid a",
+      "solid a\nfacet\nouter loop\nvertex 0.D+00 0.0D0 0d0 vertex 1.0D+00 0 0 vertex 0 "
+      "0.1d+1 0 endloop endfacet endsolid a"};
+  for (const std::string& text : files) {
+    const auto scene = load_text("a.stl", text);
+    ASSERT_TRUE(scene) << text << scene.error().message();
+    ASSERT_EQ(scene->parts.size(), 1u) << text;
+    EXPECT_THAT(scene->parts[0].positions,
+                testing::ElementsAre(glm::dvec3(0), glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0)))
+        << text;
+    EXPECT_THAT(test::warnings_of(*scene), testing::IsEmpty()) << text;
+  }
+}
+
+TEST(Stl, solids_on_one_line_keep_their_names) {
+  const std::string facet =
+      "facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet ";
+  const auto scene = load_text("a.stl", "solid one " + facet + "endsolid one solid the other " +
+                                            facet + "end solid the other solid " + facet);
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_THAT(scene->meshes, testing::ElementsAre("one", "the other", ""));
+}
+
+TEST(Stl, other_words_between_facets_are_left_out_with_a_warning) {
+  const auto scene =
+      load_text("a.stl", "solid a\nunits mm\n" + facet_text("endloop", "endfacet attribute 7") +
+                             facet_text("endloop", "endfacet\n endfacet") + "endsolid a\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->triangle_count(), 2u);
+  EXPECT_FALSE(scene->has_colors());
+  EXPECT_THAT(
+      test::warnings_of(*scene),
+      testing::ElementsAre("ignored-words: a.stl: 5 words between facets were left out, the "
+                           "first in line 2: \"units\""));
+}
+
+TEST(Stl, the_colour_after_a_facet_is_that_of_a_binary_file) {
+  const std::string files[] = {facet_text("endloop", "endfacet color 31744"),
+                               facet_text("endloop", "endfacet\nCOLOR 32799\n"), facet_text(),
+                               facet_text("endloop", "endfacet color 0.5 0 0"),
+                               facet_text("endloop", "endfacet color 65536")};
+  const glm::vec4 red(1, 0, 0, 1), blue(0, 0, 1, 1), white(1);
+  for (const bool white_first : {false, true}) {
+    const std::string first = white_first ? facet_text() : "";
+    const auto scene = load_text("a.stl", "solid a\n" + first + files[0] + files[1] + files[2] +
+                                              files[3] + files[4] + "endsolid a\n");
+    ASSERT_TRUE(scene) << scene.error().message();
+    test::expect_consistent(*scene);
+    const MeshPart& part = scene->parts[0];
+    std::vector<glm::vec4> colors;
+    for (size_t i = 0; i < part.indices.size(); i += 3) {
+      colors.push_back(part.colors.at(part.indices[i]));
+    }
+    std::vector<glm::vec4> wanted = {red, blue, white, white, white};
+    if (white_first) wanted.insert(wanted.begin(), white);
+    EXPECT_EQ(colors, wanted);
+    EXPECT_EQ(part.positions.size(), 9u) << "facets of one colour share vertices";
+    EXPECT_THAT(test::warnings_of(*scene),
+                testing::ElementsAre("ignored-words: a.stl: 6 words between facets were left out, "
+                                     "the first in line " +
+                                     std::to_string(white_first ? 38 : 31) + ": \"color\""));
+  }
+}
+
+TEST(Stl, decimal_commas_are_read_with_a_warning) {
+  const auto scene = load_text("a.stl",
+                               "solid a\nfacet normal 0,0 0,0 1,0\nouter loop\nvertex 0,5 0,0 0\n"
+                               "vertex 1,25e1 0,0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_THAT(
+      scene->parts[0].positions,
+      testing::ElementsAre(glm::dvec3(0.5, 0, 0), glm::dvec3(12.5, 0, 0), glm::dvec3(0, 1, 0)));
+  EXPECT_THAT(test::warnings_of(*scene),
+              testing::ElementsAre("decimal-commas: a.stl line 4: \"0,5\" and the like were read "
+                                   "with a comma as the decimal point"));
+}
+
+TEST(Stl, a_text_without_its_last_line_is_a_warning) {
+  const auto scene = load_text("a.stl", "solid a\n" + facet_text());
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->triangle_count(), 1u);
+  EXPECT_THAT(test::warnings_of(*scene),
+              testing::ElementsAre("missing-end: a.stl: no \"endsolid\" after the last of 1 "
+                                   "facets: the file may be cut off"));
+}
+
 TEST(Stl, mistakes_are_reported) {
   constexpr Facet kNan = {{0, 0, 0, 1, std::numeric_limits<float>::infinity(), 0, 0, 1, 0}};
-  std::string huge = stl_of({kLeft});
-  huge.replace(80, 4, "\xff\xff\xff\xff");
-  std::string lying = stl_of({kLeft});
-  lying[80] = 9;
+  const std::string huge = stl_that_declares(0xffffffff, {kLeft}, "x");
+  const std::string lying = stl_that_declares(9, {kLeft}, "x");
   const std::pair<std::string, const char*> cases[] = {
       {"",
        "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
@@ -145,8 +304,12 @@ TEST(Stl, mistakes_are_reported) {
        "number of triangles, got 183 bytes that begin with "
        "\"\\x89PNG\\x0d\\x0a\\x1a\\x0a\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\""},
       {stl_of({}), "a.stl: the mesh is empty: expected at least one triangle, got no triangles"},
-      {lying, "a.stl byte 80: truncated: 9 triangles declared: expected 534 bytes, got 134"},
+      {lying, "a.stl byte 80: truncated: 9 triangles declared: expected 534 bytes, got 135"},
       {huge,
+       "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
+       "number of triangles, got 135 bytes that begin with "
+       "\"\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\""},
+      {stl_that_declares(0xffffffff, {kNan}),
        "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
        "number of triangles, got 134 bytes that begin with "
        "\"\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\""},
@@ -163,6 +326,14 @@ TEST(Stl, mistakes_are_reported) {
        "a.stl line 7: wrong word: expected \"endloop\", got \"vertex\""},
       {"solid x\nfacet normal 0 0 1\nouter loop\n",
        "a.stl line 4: wrong word: expected \"vertex\", got the end of the file"},
+      {"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 1,2,3\n",
+       "a.stl line 4: vertex coordinate: expected a finite number up to 1e30, got \"1,2,3\""},
+      {"solid x\nvertex 0 0 0\n",
+       "a.stl line 2: wrong word: expected \"facet\" or \"endsolid\", got \"vertex\""},
+      {"solid x\nv 0 0 0\n",
+       "a.stl line 2: wrong word: expected \"facet\" or \"endsolid\", got \"v\""},
+      {"solid x\n" + facet_text("endloop", "") + "endsolid x\n",
+       "a.stl line 9: wrong word: expected \"endfacet\", got \"endsolid\""},
       {"solid x\n",
        "a.stl line 2: wrong word: expected \"facet\" or \"endsolid\", got the end of "
        "the file"}};
@@ -178,7 +349,8 @@ TEST(Stl, every_truncation_is_an_error_or_a_mesh) {
                                    "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n");
   const std::string whole = stl_of({kLeft, kRight});
   for (size_t size = 0; size < whole.size(); ++size) {
-    EXPECT_FALSE(load_text("a.stl", whole.substr(0, size))) << size;
+    const bool is_whole_triangle = size == 134;
+    EXPECT_EQ(bool(load_text("a.stl", whole.substr(0, size))), is_whole_triangle) << size;
   }
 }
 

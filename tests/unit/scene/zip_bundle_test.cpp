@@ -1,5 +1,7 @@
 #include <gmock/gmock.h>
 
+#include <utility>
+
 #include "proto/limits.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene/zip_maker.h"
@@ -46,6 +48,27 @@ TEST(ZipBundle, names_with_backslashes_are_paths) {
   const auto bundle = zip_bundle(bytes_of(zip));
   ASSERT_TRUE(bundle) << bundle.error().message();
   EXPECT_EQ((*bundle)->entries()[0].name, "tex/skin.png");
+}
+
+// Zips of Chinese and Japanese Windows have names in its encoding, and so have the meshes in them.
+TEST(ZipBundle, names_in_a_legacy_encoding_are_found_by_bytes_and_by_characters) {
+  const std::string gbk = "\xcc\xf9\xcd\xbc", sjis = "\x83\x5c\x95\x5c";
+  for (const auto& [bytes, text] : {std::pair(gbk, "贴图"), std::pair(sjis, "ソ表")}) {
+    const std::string zip = ZipMaker()
+                                .add(bytes + "/a.obj", "mesh")
+                                .add(bytes + "/" + bytes + ".png", "inside")
+                                .add(bytes + ".png", "outside")
+                                .bytes();
+    const auto bundle = zip_bundle(bytes_of(zip));
+    ASSERT_TRUE(bundle) << bundle.error().message();
+    // Names for people are the reading of zips without a mark, code page 437.
+    const std::string mesh = (*bundle)->entries()[0].name;
+    EXPECT_EQ(find_text(**bundle, mesh), "mesh");
+    EXPECT_EQ(find_text(**bundle, (*bundle)->entries()[2].name), "outside");
+    EXPECT_EQ(find_text(**bundle, bytes + ".png", mesh), "inside");
+    EXPECT_EQ(find_text(**bundle, std::string(text) + ".png", mesh), "inside");
+    EXPECT_EQ(find_text(**bundle, std::string("../") + text + ".png", mesh), "outside");
+  }
 }
 
 TEST(ZipBundle, hostile_names_are_refused) {

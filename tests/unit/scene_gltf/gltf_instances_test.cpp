@@ -11,6 +11,7 @@
 namespace voxeld {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -96,6 +97,21 @@ TEST(GltfInstances, copies_follow_the_animation_of_their_node) {
   ASSERT_EQ(pose.world_from_bound.size(), 2u);
   expect_at(glm::dvec3(pose.world_from_bound[0][3]), {0, 7, 0});
   expect_at(glm::dvec3(pose.world_from_bound[1][3]), {5, 7, 0});
+}
+
+TEST(GltfInstances, a_mesh_with_a_skin_is_there_once_with_a_warning) {
+  GltfBuilder builder = copied_triangle();
+  copies(builder)["TRANSLATION"] = builder.add_floats({0, 0, 0, 5, 0, 0}, "VEC3");
+  builder.attributes()["JOINTS_0"] = builder.add_u16(std::vector<uint16_t>(12, 0), "VEC4");
+  builder.attributes()["WEIGHTS_0"] = builder.add_floats(std::vector<float>(12, 0.25f), "VEC4");
+  builder.json["skins"] = Json::array({Json{{"joints", {0}}}});
+  builder.json["nodes"][0]["skin"] = 0;
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(scene->triangle_count(), 1u);
+  EXPECT_THAT(warnings(*scene),
+              ElementsAre("ignored-extension: a.gltf nodes[0]: EXT_mesh_gpu_instancing of a mesh "
+                          "with a skin is left out: there is one"));
 }
 
 TEST(GltfInstances, no_copy_is_no_triangle) {

@@ -119,6 +119,46 @@ TEST(GltfMaterials, images_come_from_files_views_and_data_uris) {
   }
 }
 
+TEST(GltfMaterials, opaque_materials_ignore_alpha) {
+  FakeBundle bundle;
+  bundle.files["a.tga"] = {0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 32, 8, 30, 20, 10, 64};
+  for (const char* mode : {"", "OPAQUE", "MASK", "BLEND"}) {
+    SCOPED_TRACE(mode);
+    GltfBuilder builder = textured({{"uri", "a.tga"}});
+    builder.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = {1, 1, 1, 0.5f};
+    if (*mode != 0) builder.json["materials"][0]["alphaMode"] = mode;
+    builder.attributes()["COLOR_0"] =
+        builder.add_floats({1, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0}, "VEC4");
+    const bool is_opaque = *mode == 0 || *mode == 'O';
+    const auto scene = builder.load(&bundle);
+    ASSERT_EQ(outcome(scene), "ok");
+    EXPECT_EQ(scene->materials.at(0).base_color.a, is_opaque ? 1.0f : 0.5f);
+    EXPECT_EQ(scene->parts.at(0).colors.at(0).a, is_opaque ? 1.0f : 0.0f);
+    EXPECT_THAT(scene->images.at(0).rgba, ElementsAre(10, 20, 30, is_opaque ? 255 : 64));
+  }
+}
+
+TEST(GltfMaterials, an_image_may_be_used_with_and_without_its_alpha) {
+  FakeBundle bundle;
+  bundle.files["a.tga"] = {0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 32, 8, 30, 20, 10, 64};
+  GltfBuilder builder = textured({{"uri", "a.tga"}});
+  Json glass = builder.json["materials"][0];
+  glass["alphaMode"] = "BLEND";
+  builder.json["materials"].push_back(glass);
+  builder.json["materials"].push_back(glass);
+  for (const int material : {1, 2}) {
+    Json primitive = builder.primitive();
+    primitive["material"] = material;
+    builder.json["meshes"][0]["primitives"].push_back(primitive);
+  }
+  const auto scene = builder.load(&bundle);
+  ASSERT_EQ(outcome(scene), "ok");
+  ASSERT_EQ(scene->images.size(), 2u);
+  EXPECT_EQ(scene->images[static_cast<size_t>(scene->materials.at(0).image)].rgba[3], 255);
+  EXPECT_EQ(scene->images[static_cast<size_t>(scene->materials.at(1).image)].rgba[3], 64);
+  EXPECT_EQ(scene->materials.at(2).image, scene->materials.at(1).image);
+}
+
 TEST(GltfMaterials, inspection_names_images_without_decoding) {
   FakeBundle bundle;
   bundle.files["a.png"] = {1, 2, 3};

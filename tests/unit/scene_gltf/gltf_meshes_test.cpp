@@ -102,6 +102,40 @@ TEST(GltfMeshes, points_and_lines_are_skipped_with_a_warning) {
                                             "lines were left out"));
 }
 
+TEST(GltfMeshes, primitives_without_positions_are_skipped_with_a_warning) {
+  GltfBuilder builder = square();
+  Json& primitives = builder.json["meshes"][0]["primitives"];
+  primitives.push_back(Json{{"attributes", {{"_DATA", 0}}}, {"indices", 1}});
+  primitives.push_back(Json{{"attributes", Json::object()}, {"mode", 5}});
+  primitives.push_back(Json{{"attributes", {{"_DATA", 0}}}, {"mode", 0}});
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(scene->triangle_count(), 2u);
+  EXPECT_THAT(
+      warnings(*scene),
+      ElementsAre("skipped-primitive: a.gltf: 1 primitives of points or lines, 2 primitives "
+                  "without POSITION were left out"));
+}
+
+TEST(GltfMeshes, corners_that_are_no_whole_triangle_are_left_out_with_a_warning) {
+  GltfBuilder builder = square();
+  builder.primitive()["indices"] = builder.add_u16({0, 1, 2, 2, 3});
+  Json strip = builder.primitive();
+  strip["mode"] = 5;
+  strip["indices"] = builder.add_u16({0, 1});
+  builder.json["meshes"][0]["primitives"].push_back(strip);
+  const auto scene = builder.load();
+  EXPECT_THAT(only_part(scene).indices, ElementsAre(0, 1, 2));
+  EXPECT_THAT(
+      warnings(*scene),
+      ElementsAre("incomplete-triangle: a.gltf: the last corners of 2 primitives (first: "
+                  "meshes[0].primitives[0], 5 corners) are no triangle; they were left out"));
+  // Without indices, vertices are corners.
+  GltfBuilder plain = triangle();
+  plain.attributes()["POSITION"] = plain.add_floats({0, 0, 0, 1, 0, 0, 0, 1, 0, 5, 5, 5}, "VEC3");
+  EXPECT_THAT(only_part(plain.load()).indices, ElementsAre(0, 1, 2));
+}
+
 TEST(GltfMeshes, unused_vertices_are_dropped) {
   std::vector<float> corners(3 * 10'000, 0.5f);
   corners[3 * 9'000] = 7;
@@ -136,6 +170,8 @@ TEST(GltfMeshes, colours_of_all_types_are_linear) {
   builder.attributes()["COLOR_0"] =
       builder.add_accessor({255, 51, 0, 255, 0, 0, 0, 0, 0, 0, 0, 0}, 5121, "VEC4", 3);
   EXPECT_EQ(only_part(builder.load()).colors[0], glm::vec4(1, 0.2f, 0, 1));
+  builder.primitive()["material"] = 0;
+  builder.json["materials"] = Json::parse(R"([{"alphaMode": "BLEND"}])");
   builder.attributes()["COLOR_0"] =
       builder.add_u16({65535, 0, 0, 32768, 0, 0, 0, 0, 0, 0, 0, 0}, "VEC4");
   EXPECT_NEAR(only_part(builder.load()).colors[0].w, 0.5, 1e-4);
