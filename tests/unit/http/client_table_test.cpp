@@ -128,7 +128,7 @@ TEST(Client, its_rate_counts_from_the_begin_of_its_response_without_pauses) {
   const std::vector<std::string> proxies;
   MemoryBudget budget;
   const std::atomic<bool> is_draining{false};
-  Client client(UniqueFd(fds[0]), "10.0.0.1");
+  Client client(UniqueFd{fds[0]}, "10.0.0.1");
   client.exchange = std::make_unique<Exchange>(
       Exchange::Context{handler, add_headers, proxies, budget, budget, is_draining},
       client.connection, parse_head("GET / HTTP/1.1\r\nHost: h\r\n\r\n"), /*is_refused=*/false,
