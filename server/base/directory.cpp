@@ -2,15 +2,19 @@
 
 #include <dirent.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <sys/file.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <thread>
 
 #include "server/base/file.h"
 
@@ -86,10 +90,26 @@ std::string holder_of(int fd) {
   return pid.empty() ? "another process" : "process " + pid;
 }
 
+// Whether the process that wrote its number has ended.
+bool has_holder_ended(int fd) {
+  std::array<char, 32> text{};
+  const ssize_t count = ::pread(fd, text.data(), text.size() - 1, 0);
+  const auto pid = static_cast<pid_t>(count > 0 ? std::strtol(text.data(), nullptr, 10) : 0);
+  return pid > 0 && ::kill(pid, 0) != 0 && errno == ESRCH;
+}
+
 Status lock(int fd, int number_fd, const std::filesystem::path& directory) {
+  // A process that is killed while it starts a child leaves the lock to that child, until it is a
+  // program of its own.
+  constexpr std::chrono::milliseconds kChildWait{5000}, kPoll{10};
+  const auto until = std::chrono::steady_clock::now() + kChildWait;
   while (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
     if (errno == EINTR) continue;
     if (errno != EWOULDBLOCK) return errno_error("lock", directory);
+    if (has_holder_ended(number_fd) && std::chrono::steady_clock::now() < until) {
+      std::this_thread::sleep_for(kPoll);
+      continue;
+    }
     return Error{ErrorCode::kConflict, directory.string() + " is in use by " + holder_of(number_fd),
                  "one daemon for each data directory", ""};
   }

@@ -22,7 +22,8 @@ Result<std::vector<std::string>> directory_names(const std::filesystem::path& di
 void remove_tree(const std::filesystem::path& directory) noexcept;
 
 // Creates the file, locks it (flock) and writes this process's pid into it. The lock lasts as long
-// as the descriptor. Errors: conflict with the other process's pid if it is taken.
+// as the descriptor. Waits up to 5 s for a child that a killed holder was just starting. Errors:
+// conflict with the other process's pid if it is taken.
 Result<UniqueFd> lock_file(const std::filesystem::path& path);
 // Locks a directory. Removing a file in it cannot circumvent this lock. DIR/lock holds the pid.
 Result<UniqueFd> lock_directory(const std::filesystem::path& directory);
