@@ -1,7 +1,6 @@
 // Converts the bits of columns to a tile's mask in Morton order, words of 4x4x2 cells. One
 // invocation makes 16 words, one above the other, because most are empty or full. SOLID_VOTE:
-// majority of the three axes, and the cells on which they disagree. SOLID_MIX: where they disagree,
-// the cells of SOLID_VOLUME_Z.
+// majority of the three axes, and the cells on which they disagree.
 #include "shared/solid.h"
 
 layout(local_size_x = SOLID_GROUP_SIZE) in;
@@ -12,8 +11,6 @@ layout(std140, binding = SOLID_PARAMS) uniform Params { SolidParams params; };
 #ifdef SOLID_VOTE
 layout(std430, binding = SOLID_VOLUME_X) readonly buffer VolumeX { uint volume_x[]; };
 layout(std430, binding = SOLID_VOLUME_Y) readonly buffer VolumeY { uint volume_y[]; };
-#endif
-#if defined(SOLID_VOTE) || defined(SOLID_MIX)
 layout(std430, binding = SOLID_DISAGREE) buffer Disagree { uint disagree[]; };
 #endif
 
@@ -104,14 +101,6 @@ void make_word(ivec3 base, int state) {
                (spread_bits(uint(base.z)) << 2)) >>
               5;
   uint block = word / kBlockWords;
-#ifdef SOLID_MIX
-  uint doubtful = disagree[word];
-  uint cells = mask[word];
-  if (doubtful != 0u) {
-    cells = (cells & ~doubtful) | (cells_along_z(base) & doubtful);
-    mask[word] = cells;
-  }
-#else
   uint in_grid = grid_cells(base);
   uint cells = state == 2 ? cells_along_z(base) : 0u - uint(state);
   cells &= in_grid;
@@ -126,7 +115,6 @@ void make_word(ivec3 base, int state) {
   if (some != 0u) atomicAdd(flags[uint(SOLID_FLAG_INSIDE) + block], uint(bitCount(some)));
 #endif
   mask[word] = cells;
-#endif
   note(uint(SOLID_FLAG_CELLS) + block, cells);
 }
 
@@ -135,10 +123,6 @@ void main() {
   uint index = group * uint(SOLID_GROUP_SIZE) + gl_LocalInvocationIndex;
   if (index >= kRuns) return;
   ivec3 base = ivec3(index & 63u, (index >> 6) & 63u, index >> 12) * ivec3(4, 4, 32);
-#ifdef SOLID_MIX
-  int state = 2;
-#else
   int state = any(greaterThanEqual(base, params.cells.xyz)) ? 0 : uniform_along_z(base);
-#endif
   for (int pair = 0; pair < 16; ++pair) make_word(base + ivec3(0, 0, 2 * pair), state);
 }

@@ -108,12 +108,6 @@ Status interior_needs_inside(const Parsed& request) {
   return invalid("interior", "fill solid or shell with it", request.fill());
 }
 
-Status nearest_interior_needs_surface(const Parsed& request) {
-  const VoxelizeOptions& v = request.options.voxelize;
-  if (v.interior != Interior::kNearest || v.rule != Rule::kNone) return {};
-  return invalid("rule", "touch, thin or center where interior is nearest", "none");
-}
-
 Status labels_need_channel_label(const Parsed& request) {
   if (!request.gives("labels") || request.options.voxelize.names(Channel::kLabel)) return {};
   return invalid("labels", "channel label with it", "channels without it");
@@ -368,7 +362,6 @@ constexpr std::array kRules = {sign_needs_inside_or_distance,
                                coverage_of_solid_excludes_flood,
                                thickness_needs_shell_or_band,
                                interior_needs_inside,
-                               nearest_interior_needs_surface,
                                labels_need_channel_label,
                                time_excludes_frames,
                                times_exclude_frames_and_fps,

@@ -163,7 +163,8 @@ std::vector<Option> voxelization_options() {
        .details = "`touch`: every voxel that a triangle touches (26-separating). `thin`: about 6 "
                   "in 10 of them, without holes for paths over faces (6-separating). `center`: "
                   "where the surface passes the centres of columns along its dominant axis, with "
-                  "holes. `none`: no surface, if `fill` is not `surface`."},
+                  "holes. `none`: no surface, if `fill` is not `surface`; voxels inside that "
+                  "triangles touch have their colours."},
       {.name = "fill",
        .codec = word(&V::fill, words::kFill),
        .help = "surface alone, with all its inside, with the inside near it, or all cells near it",

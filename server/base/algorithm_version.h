@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 7;
+inline constexpr int kAlgorithmVersion = 8;
 }  // namespace voxeld

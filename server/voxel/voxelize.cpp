@@ -12,6 +12,7 @@
 #include "server/voxel/frames/frame_vertices.h"
 #include "server/voxel/pipelines/device_faults.h"
 #include "server/voxel/pipelines/fallback.h"
+#include "server/voxel/solid/auto_sign.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
 
@@ -180,6 +181,12 @@ int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
   if (channels.volume) {
     bytes += coverage_bytes(placed.spec, surface.bytes(WantedChannels()), cpu.threads());
   }
+  const bool needs_sign =
+      channels.grid.distance || options.fill == Fill::kSolid || options.fill == Fill::kShell;
+  if (needs_sign && options.sign == Sign::kAuto) {
+    bytes += auto_sign_bytes(placed.spec.dims, static_cast<int64_t>(mesh.triangles.size()),
+                             surface.bytes(WantedChannels()));
+  }
   return bytes + distance_bytes(FillMesh::of(scene, placed.world_from_file, placed.spec, mesh),
                                 placed.spec, options, channels);
 }
@@ -241,6 +248,10 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   VOXELD_TRY(between_steps(progress));
   VOXELD_TRY(snap_mesh(frames, bytes_left, estimates, plan, stats));
   VOXELD_TRY(between_steps(progress));
+  if (plan.keeps_inside && frames == nullptr) {
+    const bool is_mirrored = glm::determinant(glm::dmat3(plan.world_from_file)) < 0;
+    settle_faces(plan.spec.dims, is_mirrored, plan.mesh);
+  }
   if (estimates) {
     VOXELD_TRY(check_host_bytes(
         placed.spec, job_bytes(scene, plan.mesh, placed, options, plan.channels), host_bytes_max));
@@ -416,9 +427,13 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, S
   VoxelizeStats unwanted;
   if (stats == nullptr) stats = &unwanted;
   VOXELD_TRY(impl_->check_asked(options.pipeline));
-  VoxelizePlan plan{
-      scene, options,
-      frames != nullptr ? frames->channels(scene, options) : wanted_channels(scene, options)};
+  const WantedChannels channels =
+      frames != nullptr ? frames->channels(scene, options) : wanted_channels(scene, options);
+  VoxelizeOptions of_surface = options;
+  const bool keeps_inside = options.rule == Rule::kNone && options.has_inside() && channels.any();
+  if (keeps_inside) of_surface.rule = Rule::kTouch;
+  VoxelizePlan plan{scene, of_surface, channels};
+  plan.keeps_inside = keeps_inside;
   VOXELD_TRY(impl_->check_faults(options.pipeline, plan.channels));
   const bool keeps_tiles = needs_all_tiles(options, plan.channels) || sink.keeps_tiles();
   VOXELD_TRY(impl_->plan_job(scene, options, frames, keeps_tiles, progress, plan, *stats));

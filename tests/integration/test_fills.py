@@ -77,6 +77,41 @@ class Fills(DaemonTest):
         self.assertFalse(grid[:4].any())
         self.assertFalse(grid[17:].any())
 
+    def warnings(self, mesh, query):
+        response = self.daemon.post(f"/v1/voxelize?format=npy&filename=box.off&{query}", mesh)
+        self.assertEqual(response.status, 200, response.body)
+        job = self.daemon.get(f"/v1/jobs/{response.headers['X-Voxeld-Job']}").json()
+        return [(w["code"], w["detail"]) for w in job["result"].get("warnings", [])]
+
+    def test_the_winding_of_faces_does_not_matter(self):
+        expected, _ = self.voxelize(off_file(FACES), "size=40&fill=solid&rule=none")
+        self.assertEqual(int(expected.sum()), 40 ** 3)
+        inward = [face[::-1] for face in FACES]
+        mixed = [face[::-1] if i % 2 else face for i, face in enumerate(FACES)]
+        for faces in (inward, mixed):
+            grid, meta = self.voxelize(off_file(faces), "size=40&fill=solid&rule=none")
+            self.assertTrue((grid == expected).all())
+            self.assertEqual(meta["solid"]["ambiguous_fraction"], 0)
+
+    def test_grids_that_are_hardly_meant_come_with_a_warning(self):
+        box = off_file(FACES)
+        self.assertEqual(self.warnings(box, "size=20&fill=solid"), [])
+        # Wound inwards, it has no winding number above 1/2.
+        inward = off_file([face[::-1] for face in FACES])
+        (code, detail), = self.warnings(inward, "size=20&fill=solid&sign=winding")
+        self.assertEqual(code, "empty-solid")
+        self.assertIn("no cell is inside by sign=winding, but some are by sign=majority", detail)
+        # Twice the same faces: every column crosses an even number of them at once.
+        (code, detail), = self.warnings(off_file(FACES + FACES), "size=20&fill=solid&sign=parity")
+        self.assertEqual(code, "empty-solid")
+        self.assertIn("sign=flood", detail)
+        (code, detail), = self.warnings(off_file(FACES[:-2]), "size=20&fill=solid&padding=4")
+        self.assertEqual(code, "ambiguous-solid")
+        self.assertRegex(detail, r"disagree about \d+% of the cells inside")
+        (code, detail), = self.warnings(box, "voxel_size=1&bounds=100,100,100,110,110,110")
+        self.assertEqual(code, "no-voxels")
+        self.assertIn("beside its box", detail)
+
     def test_a_band_lies_on_both_sides(self):
         grid, _ = self.voxelize(off_file(FACES), "voxel_size=0.5&padding=6&fill=band")
         # Cell centres stand a quarter beside the faces: 3 voxels in, 3 out.

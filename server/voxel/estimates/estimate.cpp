@@ -133,10 +133,11 @@ int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const Voxelize
   const glm::ivec3 tiles = spec.tile_dims();
   const int64_t per_thread = (votes ? 4 : 2) * kVolumeBytes + tiles.z * kTileBytes;
   int64_t bytes = 2 * surface_bytes + crossings * kCrossingBytes + threads * per_thread;
-  // Floods and shells look up bricks: 4 or 8 bytes for each brick of a tile with surface.
+  // Floods and shells look up bricks: 4 or 8 bytes for each brick of a tile with surface. A flood
+  // has four masks for each.
   if (options.sign == Sign::kFlood || options.fill == Fill::kShell) {
     const int64_t tile_count = int64_t{tiles.x} * tiles.y * tiles.z;
-    bytes += tile_count * (int64_t{8} << 15) + 3 * surface_bytes;
+    bytes += tile_count * (int64_t{8} << 15) + 8 * surface_bytes;
   }
   // A layer of tiles of the grid's bits, which is transferred to a device and back.
   if (options.sign == Sign::kFlood) {

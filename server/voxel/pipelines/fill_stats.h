@@ -16,9 +16,11 @@ struct FillStats {
   // Edges at which the snapped mesh does not close; set only for sign auto and winding.
   std::optional<int64_t> boundary_edges;
   // The share of ambiguous cells among those that parity finds inside along at least one axis. A
-  // cell is ambiguous if the three axes disagree and it is not surface. 0 for closed meshes; unset
-  // if it was not measured.
+  // cell is ambiguous if the three axes disagree and it is not surface; with kAuto also only if its
+  // region does not decide. 0 for closed meshes; unset if it was not measured.
   std::optional<double> ambiguous_fraction;
+  // If no cell beside the surface is inside: another sign that finds some. Unset if none does.
+  std::optional<Sign> sign_with_inside;
 };
 
 }  // namespace voxeld

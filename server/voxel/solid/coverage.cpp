@@ -44,6 +44,15 @@ void insert_full_masks(const std::vector<uint32_t>& bricks, SparseTile& tile) {
   tile.masks = std::move(masks);
 }
 
+// By Morton index; null: no voxels.
+std::vector<BrickMask> bricks_of(const SparseTile* tile) {
+  std::vector<BrickMask> bricks(size_t{1} << (3 * kTileLevels));
+  if (tile == nullptr) return bricks;
+  for_each_brick(*tile,
+                 [&](uint32_t morton, const BrickMask& mask, size_t) { bricks[morton] = mask; });
+  return bricks;
+}
+
 }  // namespace
 
 Status check_coverage_dims(const glm::ivec3& dims) {
@@ -122,6 +131,45 @@ void CoverageCounts::add(const SparseTile& finer, std::vector<uint8_t>& counts) 
 void CoverageCounts::sort() {
   for (auto& [coord, tile] : tiles_) {
     std::ranges::sort(tile.partial, {}, &BrickCounts::brick_morton);
+  }
+}
+
+CoverageCounts::TileCounts CoverageCounts::settled(const TileCounts* counts,
+                                                   const SparseTile* touched,
+                                                   const SparseTile* inside) {
+  TileCounts out;
+  const std::vector<BrickMask> surface = bricks_of(touched), cells = bricks_of(inside);
+  for (uint32_t brick = 0; brick < kTileBricks; ++brick) {
+    const BrickCounts* partial = counts == nullptr ? nullptr : find(*counts, brick);
+    const uint8_t uniform = counts != nullptr && counts->full.test(brick) ? kAllParts : uint8_t{0};
+    BrickCounts made;
+    made.brick_morton = brick;
+    for (size_t i = 0; i < kBrickCells; ++i) {
+      const auto has = [&](const std::vector<BrickMask>& masks) {
+        return (masks[brick].words[i / 64] >> (i % 64) & 1) != 0;
+      };
+      const uint8_t counted = partial != nullptr ? partial->inside[i] : uniform;
+      made.inside[i] = has(surface) ? counted : has(cells) ? kAllParts : uint8_t{0};
+    }
+    const auto [least, most] = std::ranges::minmax_element(made.inside);
+    if (*least == kAllParts) {
+      out.full.set(brick);
+    } else if (*most > 0) {
+      out.partial.push_back(made);
+    }
+  }
+  return out;
+}
+
+void CoverageCounts::settle_untouched(std::span<const SparseTile> touched,
+                                      std::span<const SparseTile> inside) {
+  std::map<std::array<int32_t, 3>, std::array<const SparseTile*, 2>> given;
+  for (const SparseTile& tile : touched) given[tile.coord][0] = &tile;
+  for (const SparseTile& tile : inside) given[tile.coord][1] = &tile;
+  std::erase_if(tiles_, [&](const auto& tile) { return !given.contains(tile.first); });
+  for (const auto& [coord, both] : given) {
+    const auto counts = tiles_.find(coord);
+    tiles_[coord] = settled(counts == tiles_.end() ? nullptr : &counts->second, both[0], both[1]);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <bitset>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <vector>
 
 #include "proto/result.h"
@@ -33,6 +34,10 @@ class CoverageCounts {
   static Result<CoverageCounts> of(const FillMesh& mesh, const glm::ivec3& dims, Sign sign,
                                    InsideFinder& finder, const ColumnProgress& progress);
 
+  // Counts all parts of each cell that is not in `touched` (the cells of rule=touch) as the cell:
+  // inside if it is in `inside`. Tiles are canonical, in any order.
+  void settle_untouched(std::span<const SparseTile> touched, std::span<const SparseTile> inside);
+
   // Turns bricks of full nodes into masks if one of their cells is not entirely inside, because the
   // voxels of full nodes count as covered. The tiles must have no attributes.
   void spell_out(std::vector<SparseTile>& inside) const;
@@ -53,6 +58,8 @@ class CoverageCounts {
   };
 
   void add(const SparseTile& finer, std::vector<uint8_t>& counts);
+  static TileCounts settled(const TileCounts* counts, const SparseTile* touched,
+                            const SparseTile* inside);
   void sort();
   // Counts, 0 to 64, of a brick's cells; null for the two uniform kinds.
   static const BrickCounts* find(const TileCounts& tile, uint32_t brick_morton);

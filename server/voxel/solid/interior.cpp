@@ -6,15 +6,10 @@
 
 #include "server/voxel/solid/distance/brick_index.h"
 #include "server/voxel/solid/distance/nearest_cells.h"
+#include "server/voxel/solid/inside_cells.h"
 
 namespace voxeld {
 namespace {
-
-size_t count_of(const BrickMask& mask) {
-  size_t count = 0;
-  for (const uint64_t word : mask.words) count += static_cast<size_t>(std::popcount(word));
-  return count;
-}
 
 // Finds where the voxels of a grid have their attributes.
 class VoxelPlaces {

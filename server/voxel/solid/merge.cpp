@@ -1,9 +1,13 @@
 #include "server/voxel/solid/merge.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
+#include <map>
 #include <utility>
+
+#include "server/voxel/solid/inside_cells.h"
 
 namespace voxeld {
 namespace {
@@ -134,6 +138,17 @@ class TileMerger {
   SparseTile out_;
 };
 
+// Appends the samples of a voxel of all channels that the tile has.
+void copy_voxel(const SparseTile& from, size_t voxel, SparseTile& to) {
+  for_each_channel_member([&](Channel channel, auto member) {
+    const auto& samples = from.*member;
+    if (samples.empty()) return;
+    const auto components = static_cast<ptrdiff_t>(channel_info(channel).components);
+    const auto first = samples.begin() + static_cast<ptrdiff_t>(voxel) * components;
+    (to.*member).insert((to.*member).end(), first, first + components);
+  });
+}
+
 }  // namespace
 
 SparseTile merge_tile(const SparseTile& surface, const SparseTile& inside,
@@ -176,6 +191,33 @@ void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, Thr
     }
   });
   tiles = std::move(merged);
+}
+
+void keep_inside(const std::vector<SparseTile>& inside, std::vector<SparseTile>& surface) {
+  std::map<std::array<int32_t, 3>, const SparseTile*> tiles;
+  for (const SparseTile& tile : inside) tiles[tile.coord] = &tile;
+  for (SparseTile& tile : surface) {
+    SparseTile kept;
+    kept.coord = tile.coord;
+    const auto cells = tiles.find(tile.coord);
+    size_t first = 0;
+    for (size_t b = 0; cells != tiles.end() && b < tile.masks.size(); ++b) {
+      BrickMask common = brick_of(*cells->second, tile.brick_morton[b]);
+      for (size_t w = 0; w < 8; ++w) common.words[w] &= tile.masks[b].words[w];
+      size_t voxel = first;
+      for (size_t w = 0; w < 8; ++w) {
+        for (uint64_t bits = tile.masks[b].words[w]; bits != 0; bits &= bits - 1, ++voxel) {
+          if ((common.words[w] & bits & (~bits + 1)) != 0) copy_voxel(tile, voxel, kept);
+        }
+      }
+      first = voxel;
+      if (common == BrickMask{}) continue;
+      kept.brick_morton.push_back(tile.brick_morton[b]);
+      kept.masks.push_back(common);
+    }
+    tile = std::move(kept);
+  }
+  std::erase_if(surface, [](const SparseTile& tile) { return tile.empty(); });
 }
 
 }  // namespace voxeld

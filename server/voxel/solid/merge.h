@@ -19,4 +19,8 @@ SparseTile merge_tile(const SparseTile& surface, const SparseTile& inside,
 void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, ThreadTeam& team,
                  std::vector<SparseTile>& tiles);
 
+// Leaves, of the tiles of a surface, the voxels that are inside, with their attributes. Full nodes
+// of the surface have none and are not kept.
+void keep_inside(const std::vector<SparseTile>& inside, std::vector<SparseTile>& surface);
+
 }  // namespace voxeld

@@ -7,33 +7,18 @@
 
 #include "server/base/clock.h"
 #include "server/voxel/pipelines/fallback.h"
+#include "server/voxel/solid/auto_sign.h"
 #include "server/voxel/solid/distance/distance_field.h"
 #include "server/voxel/solid/distance/distance_maker.h"
 #include "server/voxel/solid/flood.h"
 #include "server/voxel/solid/inside/boundary.h"
 #include "server/voxel/solid/interior.h"
 #include "server/voxel/solid/merge.h"
+#include "server/voxel/solid/regions.h"
 #include "server/voxel/solid/shell.h"
 
 namespace voxeld {
 namespace {
-
-// The cells of rule=touch: the surface itself if that is the plan's rule, else made on demand.
-class TouchCells {
- public:
-  TouchCells(const VoxelizePlan& plan, const std::vector<SparseTile>& surface)
-      : surface_(plan.options.rule == Rule::kTouch ? &surface : nullptr) {}
-
-  Result<const std::vector<SparseTile>*> get(const SolidFiller::TouchTiles& make) {
-    if (surface_ != nullptr) return surface_;
-    VOXELD_ASSIGN(made_, make());
-    return &made_;
-  }
-
- private:
-  const std::vector<SparseTile>* surface_;
-  std::vector<SparseTile> made_;
-};
 
 double total(const StageTimes& passes) {
   double ms = 0;
@@ -41,55 +26,107 @@ double total(const StageTimes& passes) {
   return ms;
 }
 
-}  // namespace
-
-SolidFiller::Choice SolidFiller::choose(const VoxelizePlan& plan, const FillMesh& mesh,
-                                        FillStats& fill) const {
-  fill.sign = plan.options.sign;
-  fill.reason = "asked for";
-  if (fill.sign != Sign::kAuto && fill.sign != Sign::kWinding) return {fill.sign, false};
-  const auto edges = static_cast<int64_t>(boundary_edges(mesh).size());
-  fill.boundary_edges = edges;
-  const bool closed = edges == 0;
-  if (plan.options.sign == Sign::kWinding) return {Sign::kWinding, closed};
-  if (closed) {
-    fill.sign = Sign::kNonzero;
-    fill.reason = "nonzero: the mesh is closed and consistently oriented";
-    return {Sign::kNonzero, true};
+// Whether some cell is not surface.
+bool has_cells_beside(const std::vector<SparseTile>& cells, const SurfaceTiles& surface) {
+  for (const SparseTile& tile : cells) {
+    const SparseTile* beside = surface.find({tile.coord[0], tile.coord[1], tile.coord[2]});
+    if (tile.voxel_count() > 0 && beside == nullptr) return true;
+    bool found = false;
+    for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t) {
+      found = found || count_beside(mask, beside, morton) > 0;
+    });
+    if (found) return true;
   }
-  fill.sign = Sign::kMajority;
-  fill.reason = "majority, and winding where the axes disagree: the mesh does not close at " +
-                std::to_string(edges) + (edges == 1 ? " edge" : " edges");
-  return {Sign::kAuto, false};
+  return false;
 }
 
-Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, const FillMesh& mesh,
-                                                    const TouchTiles& touch,
-                                                    const ColumnProgress& progress,
-                                                    const std::vector<SparseTile>& surface,
-                                                    Sign sign, AxisVotes& votes,
-                                                    VoxelizeStats& stats) {
+double share(int64_t part, int64_t whole) {
+  return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+}  // namespace
+
+// The cells of rule=touch: the surface itself if that is the plan's rule, else made on demand.
+class SolidFiller::TouchCells {
+ public:
+  TouchCells(const VoxelizePlan& plan, const std::vector<SparseTile>& surface,
+             const TouchTiles& make)
+      : surface_(plan.options.rule == Rule::kTouch ? &surface : nullptr), make_(make) {}
+
+  Result<const std::vector<SparseTile>*> get() {
+    if (surface_ != nullptr) return surface_;
+    if (!made_) {
+      VOXELD_ASSIGN(made_, make_());
+    }
+    return &*made_;
+  }
+
+ private:
+  const std::vector<SparseTile>* surface_;
+  const TouchTiles& make_;
+  std::optional<std::vector<SparseTile>> made_;
+};
+
+Sign SolidFiller::choose(const Work& work, FillStats& fill) const {
+  fill.sign = work.plan.options.sign;
+  fill.reason = "asked for";
+  if (fill.sign != Sign::kAuto && fill.sign != Sign::kWinding) return fill.sign;
+  fill.boundary_edges = static_cast<int64_t>(boundary_edges(work.mesh).size());
+  const bool closed = fill.boundary_edges == 0;
+  if (closed) fill.ambiguous_fraction = 0.0;
+  if (fill.sign == Sign::kWinding || !closed) return fill.sign;
+  fill.sign = Sign::kNonzero;
+  fill.reason = "nonzero: the mesh is closed and consistently oriented";
+  return Sign::kNonzero;
+}
+
+Result<std::vector<SparseTile>> SolidFiller::inside(const Work& work, Sign sign,
+                                                    bool keeps_doubtful, AxisVotes& votes) {
+  const VoxelizePlan& plan = work.plan;
   std::vector<SparseTile> tiles;
   if (sign == Sign::kFlood) {
-    TouchCells cells(plan, surface);
-    VOXELD_ASSIGN(const auto* touched, cells.get(touch));
+    VOXELD_ASSIGN(const auto* touched, work.touch.get());
     if (device_ != nullptr) {
-      const auto done = device_->flood_inside(*touched, plan.spec.dims, progress, tiles, stats);
+      const auto done =
+          device_->flood_inside(*touched, plan.spec.dims, work.progress, tiles, work.stats);
       if (done.ok() && *done) return tiles;
-      if (!done) VOXELD_TRY(fall_back(plan, done.error(), tiles, stats));
+      if (!done) VOXELD_TRY(fall_back(plan, done.error(), tiles, work.stats));
     }
-    VOXELD_TRY(flood_inside(*touched, plan.spec.dims, progress, tiles));
+    VOXELD_TRY(flood_inside(*touched, plan.spec.dims, work.progress, tiles));
     return tiles;
   }
-  const InsideJob job = {mesh, plan.spec.dims, sign, {surface}};
+  const InsideJob job = {work.mesh, plan.spec.dims, sign, {work.surface}, keeps_doubtful};
   if (device_ != nullptr) {
-    const Status found = device_->find_inside(job, progress, tiles, votes, stats);
+    const Status found = device_->find_inside(job, work.progress, tiles, votes, work.stats);
     if (found) return tiles;
-    VOXELD_TRY(fall_back(plan, found.error(), tiles, stats));
+    VOXELD_TRY(fall_back(plan, found.error(), tiles, work.stats));
     votes = {};
   }
-  VOXELD_TRY(finder_.find(job, progress, tiles, votes));
+  VOXELD_TRY(finder_.find(job, work.progress, tiles, votes));
   return tiles;
+}
+
+Result<std::vector<SparseTile>> SolidFiller::inside_auto(const Work& work, FillStats& fill) {
+  AxisVotes votes;
+  VOXELD_ASSIGN(std::vector<SparseTile> found, inside(work, Sign::kMajority, true, votes));
+  VOXELD_ASSIGN(const auto* touched, work.touch.get());
+  // Surface cells of rule=touch are part of the grid, inside or not.
+  const VoxelizePlan& plan = work.plan;
+  const bool decides_touched =
+      plan.options.rule != Rule::kTouch || plan.keeps_inside || plan.channels.grid.distance;
+  AutoReport report;
+  Stopwatch watch;
+  VOXELD_TRY(settle_doubt(work.mesh, plan.spec.dims, {*touched, decides_touched}, team_,
+                          work.progress, votes, found, report));
+  add_stage(work.stats.passes, "doubt", watch.lap());
+  fill.ambiguous_fraction = share(report.doubtful, votes.inside);
+  const int64_t edges = *fill.boundary_edges;
+  fill.sign = Sign::kMajority;
+  fill.reason = "majority, one state for each closed region, and " +
+                std::string(report.by_winding ? "winding" : "majority") +
+                " where the axes disagree: the mesh does not close at " + std::to_string(edges) +
+                (edges == 1 ? " edge" : " edges");
+  return found;
 }
 
 Status SolidFiller::fall_back(const VoxelizePlan& plan, const Error& error,
@@ -100,32 +137,52 @@ Status SolidFiller::fall_back(const VoxelizePlan& plan, const Error& error,
   return {};
 }
 
-Result<std::vector<SparseTile>> SolidFiller::find_signed(
-    const VoxelizePlan& plan, const FillMesh& mesh, const TouchTiles& touch,
-    const ColumnProgress& progress, const std::vector<SparseTile>& surface, VoxelizeStats& stats) {
+Result<std::vector<SparseTile>> SolidFiller::find_signed(const Work& work) {
   Stopwatch watch;
-  FillStats& fill = stats.fill.emplace();
-  const Choice choice = choose(plan, mesh, fill);
-  add_stage(stats.passes, "sign", watch.lap());
-  AxisVotes votes;
-  const double before = total(stats.passes);
-  VOXELD_ASSIGN(std::vector<SparseTile> found,
-                inside(plan, mesh, touch, progress, surface, choice.sign, votes, stats));
-  if (choice.sign == Sign::kMajority || choice.sign == Sign::kAuto) {
-    fill.ambiguous_fraction =
-        votes.inside == 0 ? 0.0
-                          : static_cast<double>(votes.disagree) / static_cast<double>(votes.inside);
-  } else if (choice.closed) {
-    fill.ambiguous_fraction = 0.0;
+  FillStats& fill = work.stats.fill.emplace();
+  const Sign sign = choose(work, fill);
+  add_stage(work.stats.passes, "sign", watch.lap());
+  const double before = total(work.stats.passes);
+  std::vector<SparseTile> found;
+  if (sign == Sign::kAuto) {
+    VOXELD_ASSIGN(found, inside_auto(work, fill));
+  } else {
+    AxisVotes votes;
+    VOXELD_ASSIGN(found, inside(work, sign, false, votes));
+    if (sign == Sign::kMajority) fill.ambiguous_fraction = share(votes.disagree, votes.inside);
   }
+  VOXELD_ASSIGN(fill.sign_with_inside, sign_with_inside(work, found));
   // A device's passes are reported under their own names; "inside" is the rest.
-  add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
-  if (!plan.channels.volume) return found;
-  VOXELD_ASSIGN(coverage_,
-                CoverageCounts::of(mesh, plan.spec.dims, choice.sign, finder_, progress));
+  add_stage(work.stats.passes, "inside",
+            std::max(0.0, watch.lap() - (total(work.stats.passes) - before)));
+  if (!work.plan.channels.volume) return found;
+  const glm::ivec3& dims = work.plan.spec.dims;
+  const bool settles = sign == Sign::kAuto;
+  VOXELD_ASSIGN(coverage_, CoverageCounts::of(work.mesh, dims, settles ? Sign::kMajority : sign,
+                                              finder_, work.progress));
+  if (settles) {
+    VOXELD_ASSIGN(const auto* touched, work.touch.get());
+    coverage_->settle_untouched(*touched, found);
+  }
   coverage_->spell_out(found);
-  add_stage(stats.passes, "coverage", watch.lap());
+  add_stage(work.stats.passes, "coverage", watch.lap());
   return found;
+}
+
+Result<std::optional<Sign>> SolidFiller::sign_with_inside(const Work& work,
+                                                          const std::vector<SparseTile>& found) {
+  const SurfaceTiles surface = {work.surface};
+  if (has_cells_beside(found, surface)) return std::optional<Sign>();
+  std::vector<SparseTile> others;
+  AxisVotes votes;
+  const auto go_on = [&](size_t) { return work.progress ? work.progress(0) : Status(); };
+  VOXELD_TRY(finder_.find({work.mesh, work.plan.spec.dims, Sign::kMajority, surface}, go_on, others,
+                          votes));
+  if (has_cells_beside(others, surface)) return std::optional(Sign::kMajority);
+  VOXELD_ASSIGN(const auto* touched, work.touch.get());
+  Regions regions(*touched, work.plan.spec.dims);
+  VOXELD_TRY(regions.flood_outside(go_on));
+  return regions.next() ? std::optional(Sign::kFlood) : std::nullopt;
 }
 
 Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progress,
@@ -157,9 +214,10 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   const FillMesh mesh = FillMesh::of(plan.scene, plan.world_from_file, plan.spec, plan.mesh);
   const Fill kind = plan.options.fill;
   const bool measures = plan.channels.grid.distance;
+  TouchCells touched(plan, tiles, touch);
   std::vector<SparseTile> found;
   if (measures || kind == Fill::kSolid || kind == Fill::kShell) {
-    VOXELD_ASSIGN(found, find_signed(plan, mesh, touch, progress, tiles, stats));
+    VOXELD_ASSIGN(found, find_signed({plan, mesh, tiles, touched, progress, stats}));
   }
   Stopwatch watch;
   std::optional<DistanceMaker> distances;
@@ -174,13 +232,13 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   }
   if (kind == Fill::kShell) {
     const std::vector<SparseTile>* surface = &tiles;
-    TouchCells cells(plan, tiles);
     if (plan.options.rule == Rule::kNone) {
-      VOXELD_ASSIGN(surface, cells.get(touch));
+      VOXELD_ASSIGN(surface, touched.get());
     }
     VOXELD_TRY(keep_shell(*surface, plan.options.thickness, team_, progress, found));
     add_stage(stats.passes, "shell", watch.lap());
   }
+  if (plan.keeps_inside) keep_inside(found, tiles);
   // Makes room for distances. They are measured last, when all voxels exist.
   for (SparseTile& tile : tiles) resize_channels(tile, plan.channels.grid);
   if (kind != Fill::kSurface) {

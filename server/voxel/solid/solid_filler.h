@@ -37,26 +37,33 @@ class SolidFiller {
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
  private:
-  struct Choice {
-    Sign sign;
-    bool closed;
+  class TouchCells;
+  // What the steps of fill() share.
+  struct Work {
+    const VoxelizePlan& plan;
+    const FillMesh& mesh;
+    const std::vector<SparseTile>& surface;
+    TouchCells& touch;
+    const ColumnProgress& progress;
+    VoxelizeStats& stats;
   };
-  Choice choose(const VoxelizePlan& plan, const FillMesh& mesh, FillStats& fill) const;
-  Result<std::vector<SparseTile>> inside(const VoxelizePlan& plan, const FillMesh& mesh,
-                                         const TouchTiles& touch, const ColumnProgress& progress,
-                                         const std::vector<SparseTile>& surface, Sign sign,
-                                         AxisVotes& votes, VoxelizeStats& stats);
+
+  // The sign to take for the plan's; kAuto if the mesh is not closed.
+  Sign choose(const Work& work, FillStats& fill) const;
+  // The inside by a sign other than kAuto. keeps_doubtful: as in InsideJob.
+  Result<std::vector<SparseTile>> inside(const Work& work, Sign sign, bool keeps_doubtful,
+                                         AxisVotes& votes);
+  Result<std::vector<SparseTile>> inside_auto(const Work& work, FillStats& fill);
 
   // Discards what the device found before it failed, if the CPU may go on; else the error.
   static Status fall_back(const VoxelizePlan& plan, const Error& error,
                           std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
-  // Finds the inside by the plan's sign, and records in `stats` how.
-  Result<std::vector<SparseTile>> find_signed(const VoxelizePlan& plan, const FillMesh& mesh,
-                                              const TouchTiles& touch,
-                                              const ColumnProgress& progress,
-                                              const std::vector<SparseTile>& surface,
-                                              VoxelizeStats& stats);
+  // Finds the inside by the plan's sign, and records how.
+  Result<std::vector<SparseTile>> find_signed(const Work& work);
+  // Another sign by which cells beside the surface are inside, if there are none in `found`.
+  Result<std::optional<Sign>> sign_with_inside(const Work& work,
+                                               const std::vector<SparseTile>& found);
   // Unites surface and inside, with attributes of the inside as the plan asks.
   Status unite(const VoxelizePlan& plan, const ColumnProgress& progress,
                std::vector<SparseTile> found, std::vector<SparseTile>& tiles,

@@ -341,4 +341,38 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, con
   return mesh;
 }
 
+void settle_faces(const glm::ivec3& dims, bool is_mirrored, SnappedMesh& mesh) {
+  for (SnappedTriangle& triangle : mesh.triangles) {
+    const std::array<glm::ivec3, 3> corners = {mesh.vertices[triangle.vertices[0]],
+                                               mesh.vertices[triangle.vertices[1]],
+                                               mesh.vertices[triangle.vertices[2]]};
+    for (int axis = 0; axis < 3; ++axis) {
+      const int u = (axis + 1) % 3, v = (axis + 2) % 3, q = corners[0][axis];
+      if (corners[1][axis] != q || corners[2][axis] != q) continue;
+      const glm::i64vec3 a = glm::i64vec3(corners[1]) - glm::i64vec3(corners[0]);
+      const glm::i64vec3 b = glm::i64vec3(corners[2]) - glm::i64vec3(corners[0]);
+      const int64_t normal = (a[u] * b[v] - a[v] * b[u]) * (is_mirrored ? -1 : 1);
+      const int plane = (q + 1) >> limits::kSubVoxelBits;
+      const int first = plane * kSubVoxelsPerVoxel;  // of the cell above the plane
+      if (normal == 0 || (q != first && q != first - 1)) continue;
+      const int moved = normal > 0 ? first - 1 : first;
+      if (moved == q || moved < 0 || moved >= dims[axis] * kSubVoxelsPerVoxel) continue;
+      for (size_t i = 0; i < 3; ++i) {
+        ClippedVertex vertex;
+        vertex.corners.fill(triangle.vertices[i]);
+        vertex.weights = {1, 0, 0};
+        if (triangle.vertices[i] >= mesh.file_vertex_count) {
+          vertex = mesh.clipped[triangle.vertices[i] - mesh.file_vertex_count];
+        }
+        glm::ivec3 at = corners[i];
+        at[axis] = moved;
+        triangle.vertices[i] = static_cast<uint32_t>(mesh.vertices.size());
+        mesh.vertices.push_back(at);
+        mesh.clipped.push_back(vertex);
+      }
+      mesh.is_whole = false;
+    }
+  }
+}
+
 }  // namespace voxeld

@@ -68,4 +68,9 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& world_from_
                                const GridSpec& spec, int64_t bytes_max = INT64_MAX,
                                SnappedMesh before = {});
 
+// Moves triangles that lie on a plane between cells, within the step of snapping, to the cells that
+// they face away from: by one step at most. They get vertices of their own. is_mirrored: triangles
+// face the other way in the world than in the file.
+void settle_faces(const glm::ivec3& dims, bool is_mirrored, SnappedMesh& mesh);
+
 }  // namespace voxeld

@@ -1,9 +1,11 @@
 #include "server/worker/grids/grid_meta.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "proto/options/table.h"
+#include "proto/options/words.h"
 #include "server/base/algorithm_version.h"
 #include "server/voxel/attributes/part_ids.h"
 #include "server/worker/mesh/inspect.h"
@@ -128,6 +130,35 @@ void add_making_meta(TaskRun& run, const GridMeta& container_meta, const Voxeliz
   json passes = json::object();
   for (const auto& [name, ms] : stats.passes) passes[name] = ms;
   add_meta(run, {{"passes_ms", passes}});
+}
+
+std::vector<Warning> grid_warnings(const VoxelizeOptions& options, uint64_t voxel_count,
+                                   const VoxelizeStats& stats) {
+  std::vector<Warning> warnings;
+  const std::optional<FillStats>& fill = stats.fill;
+  const bool fills = options.fill == Fill::kSolid || options.fill == Fill::kShell;
+  if (fills && fill && fill->sign_with_inside) {
+    warnings.push_back(
+        {"empty-solid",
+         "no cell is inside by sign=" + std::string(option_words::sign_name(fill->sign)) +
+             ", but some are by sign=" +
+             std::string(option_words::sign_name(*fill->sign_with_inside)) +
+             ": try that, or fill=surface"});
+  } else if (voxel_count == 0) {
+    warnings.push_back(
+        {"no-voxels",
+         "the grid has no voxels: the mesh is beside its box, or its parts lie between "
+         "the cells' centres; try other bounds, rule=touch or a finer size"});
+  }
+  constexpr double kAmbiguousMax = 0.01;
+  if (fills && fill && fill->ambiguous_fraction.value_or(0) > kAmbiguousMax) {
+    const auto percent = std::lround(100 * *fill->ambiguous_fraction);
+    warnings.push_back({"ambiguous-solid",
+                        "the axes disagree about " + std::to_string(percent) +
+                            "% of the cells inside, as the mesh has holes wider than a cell; try "
+                            "sign=majority or winding, a coarser size, or fill=surface"});
+  }
+  return warnings;
 }
 
 void note_device(Engine& engine, const VoxelizeStats& stats) {

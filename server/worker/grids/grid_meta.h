@@ -1,8 +1,10 @@
 // The meta of grids: what a container and the result of a task tell about it.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -37,6 +39,10 @@ GridMeta container_meta(const Task& task, const Scene& scene, const nlohmann::js
                         const std::optional<MeshTopology>& topology, LabelKind labels);
 // Adds facts about the making of a grid or sequence, and its container's meta, to the task's meta.
 void add_making_meta(TaskRun& run, const GridMeta& container_meta, const VoxelizeStats& stats);
+// About a grid that is probably not what its request meant: "no-voxels", "empty-solid",
+// "ambiguous-solid".
+std::vector<Warning> grid_warnings(const VoxelizeOptions& options, uint64_t voxel_count,
+                                   const VoxelizeStats& stats);
 // Records for the worker how its device did, if the job used it. Call it after the voxelizer.
 void note_device(Engine& engine, const VoxelizeStats& stats);
 // Adds the container's meta, and this device, to the task's meta.

@@ -113,6 +113,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                                        grid_facts(output.grid(), output.voxel_count(), hash),
                                        stats.fill, mesh.get(), options.voxelize.labels);
   add_making_meta(run, meta, stats);
+  add_warnings(run, grid_warnings(options.voxelize, output.voxel_count(), stats));
   VOXELD_ASSIGN(WrittenGrid written, containers.finish(meta));
   if (output.has_tiles()) {
     written.kept = LoadedGrid{output.take_grid(), hash};

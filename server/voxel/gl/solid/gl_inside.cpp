@@ -21,13 +21,6 @@ bool is_set(uint32_t flags, uint32_t flag) {
   return (flags & flag) != 0;
 }
 
-bool has_brick(const SparseTile& tile, const glm::ivec3& brick) {
-  const uint32_t morton =
-      morton_encode(static_cast<uint32_t>(brick.x), static_cast<uint32_t>(brick.y),
-                    static_cast<uint32_t>(brick.z));
-  return std::ranges::binary_search(tile.brick_morton, morton);
-}
-
 // Slots that store the state below a tile while other columns are swept.
 size_t x_slot(const glm::ivec3& tile_dims, const glm::ivec3& tile) {
   return static_cast<size_t>(tile.y) * static_cast<size_t>(tile_dims.z) +
@@ -148,7 +141,7 @@ Status GlInside::run_tile(Job& job, const Place& place) {
     VOXELD_TRY(sweep_parity(job, place, axis));
   }
   if (!votes) {
-    if (counts) VOXELD_TRY(sweep_counts(job, place, nullptr));
+    if (counts) VOXELD_TRY(sweep_counts(job, place));
     {
       const gpu::PassTimer::Pass pass = timer_->measure("inside_cells");
       VOXELD_TRY(passes_.make_cells(counts ? CellsOf::kCounts : CellsOf::kParity, place.cells));
@@ -164,15 +157,7 @@ Status GlInside::vote(Job& job, const Place& place) {
     const gpu::PassTimer::Pass pass = timer_->measure("inside_cells");
     VOXELD_TRY(passes_.make_cells(CellsOf::kVote, place.cells));
   }
-  SparseTile doubtful;
-  count_votes(job, place, doubtful);
-  if (job.sweeps.counts) {
-    VOXELD_TRY(sweep_counts(job, place, &doubtful));
-    if (!doubtful.empty()) {
-      const gpu::PassTimer::Pass pass = timer_->measure("inside_cells");
-      VOXELD_TRY(passes_.make_cells(CellsOf::kMix, place.cells));
-    }
-  }
+  count_votes(job, place);
   take_tile(job, place);
   return {};
 }
@@ -261,23 +246,17 @@ Status GlInside::sweep_parity(Job& job, const Place& place, int axis) {
   return {};
 }
 
-// wanted: only cells of these bricks are needed; null: all are.
-Status GlInside::sweep_counts(Job& job, const Place& place, const SparseTile* wanted) {
-  const bool is_asked = wanted == nullptr || !wanted->empty();
+Status GlInside::sweep_counts(Job& job, const Place& place) {
   SweepTarget target = target_of(place, 2);
   const int end = target.cell_end;
   for (int slab = 0; slab * SOLID_SLAB_CELLS < place.cells.z; ++slab) {
     target.cell_first = target.tile_first + slab * SOLID_SLAB_CELLS;
     target.cell_end = std::min(target.cell_first + SOLID_SLAB_CELLS, end);
-    bool is_marked = false;
     passes_.begin_counts(slab);
-    VOXELD_TRY(mark_slab(job, *job.counts, job.in.mesh, target, is_marked));
-    if (job.cone_counts) {
-      VOXELD_TRY(mark_slab(job, *job.cone_counts, job.cones, target, is_marked));
-    }
-    if (!is_marked && !is_asked) continue;
+    VOXELD_TRY(mark_slab(job, *job.counts, job.in.mesh, target));
+    if (job.cone_counts) VOXELD_TRY(mark_slab(job, *job.cone_counts, job.cones, target));
     slab_thresholds_.clear();
-    if (is_asked && thresholds_.any()) slab_thresholds(job, place, slab, wanted);
+    if (thresholds_.any()) slab_thresholds(job, place, slab);
     const gpu::PassTimer::Pass pass = timer_->measure("inside_sweep");
     VOXELD_TRY(passes_.scan_counts(slab, job.in.sign, slab_thresholds_));
   }
@@ -285,7 +264,7 @@ Status GlInside::sweep_counts(Job& job, const Place& place, const SparseTile* wa
 }
 
 Status GlInside::mark_slab(Job& job, const SweepBins& bins, const FillMesh& mesh,
-                           const SweepTarget& target, bool& is_marked) {
+                           const SweepTarget& target) {
   const auto list = bins.triangles(target.window.u_first / limits::kTileSide,
                                    target.window.v_first / limits::kTileSide,
                                    target.cell_first / SOLID_SLAB_CELLS);
@@ -295,13 +274,12 @@ Status GlInside::mark_slab(Job& job, const SweepBins& bins, const FillMesh& mesh
     add_stage(job.host, "inside_items", watch.lap());
     const gpu::PassTimer::Pass pass = timer_->measure("inside_crossings");
     VOXELD_TRY(passes_.mark_counts(window_, target));
-    is_marked = true;
   }
   return {};
 }
 
 // Thresholds of the slab's bricks; layout in shaders/shared/solid.h.
-void GlInside::slab_thresholds(Job& job, const Place& place, int slab, const SparseTile* wanted) {
+void GlInside::slab_thresholds(Job& job, const Place& place, int slab) {
   Stopwatch watch;
   slab_thresholds_.assign(SOLID_SLAB_BRICKS, 1);
   const glm::ivec3 bricks = (place.cells + limits::kBrickSide - 1) / limits::kBrickSide;
@@ -310,7 +288,6 @@ void GlInside::slab_thresholds(Job& job, const Place& place, int slab, const Spa
   for (int z = first; z < end; ++z) {
     for (int y = 0; y < bricks.y; ++y) {
       for (int x = 0; x < bricks.x; ++x) {
-        if (wanted != nullptr && !has_brick(*wanted, {x, y, z})) continue;
         const int one = thresholds_.of_brick(x, y, z);
         const int at = ((z - first) * kTileBricks + y) * kTileBricks + x;
         slab_thresholds_[static_cast<size_t>(at)] = one;
@@ -326,7 +303,7 @@ void GlInside::slab_thresholds(Job& job, const Place& place, int slab, const Spa
 }
 
 // Adds up the votes, and reads the bricks on which the axes disagree.
-void GlInside::count_votes(Job& job, const Place& place, SparseTile& doubtful) {
+void GlInside::count_votes(Job& job, const Place& place) {
   Stopwatch watch;
   passes_.read_flags(flags_);
   uint64_t blocks = 0;
@@ -335,11 +312,17 @@ void GlInside::count_votes(Job& job, const Place& place, SparseTile& doubtful) {
     if (is_set(flags_[SOLID_FLAG_DISAGREE + block], kSome)) blocks |= uint64_t{1} << block;
   }
   if (blocks != 0) {
+    SparseTile doubtful;
+    doubtful.coord = {place.tile.x, place.tile.y, place.tile.z};
     passes_.read_disagreement(blocks, mask_);
     compact_mask(mask_, blocks, doubtful, {});
     const SparseTile* surface = job.in.surface.find(place.tile);
     for (size_t b = 0; b < doubtful.masks.size(); ++b) {
       job.votes.disagree += count_beside(doubtful.masks[b], surface, doubtful.brick_morton[b]);
+    }
+    if (job.in.keeps_doubtful && !doubtful.empty()) {
+      canonicalize(doubtful);
+      job.votes.doubtful.push_back(std::move(doubtful));
     }
   }
   add_stage(job.host, "inside_read", watch.lap());

@@ -48,11 +48,11 @@ class GlInside {
   std::optional<int> uniform_parity(int axis, size_t slot);
   std::optional<int> uniform_counts(Sign sign);
   Status sweep_parity(Job& job, const Place& place, int axis);
-  Status sweep_counts(Job& job, const Place& place, const SparseTile* wanted);
-  Status mark_slab(Job& job, const SweepBins& bins, const FillMesh& mesh, const SweepTarget& target,
-                   bool& is_marked);
-  void slab_thresholds(Job& job, const Place& place, int slab, const SparseTile* wanted);
-  void count_votes(Job& job, const Place& place, SparseTile& doubtful);
+  Status sweep_counts(Job& job, const Place& place);
+  Status mark_slab(Job& job, const SweepBins& bins, const FillMesh& mesh,
+                   const SweepTarget& target);
+  void slab_thresholds(Job& job, const Place& place, int slab);
+  void count_votes(Job& job, const Place& place);
   void take_tile(Job& job, const Place& place);
   SweepTarget target_of(const Place& place, int axis) const;
 

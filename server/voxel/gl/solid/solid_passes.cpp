@@ -263,15 +263,12 @@ Status SolidPasses::scan_counts(int slab, Sign sign, std::span<const int32_t> th
 Status SolidPasses::make_cells(CellsOf what, const glm::ivec3& cells) {
   gpu::Defines defines;
   if (what == CellsOf::kVote) defines.emplace_back("SOLID_VOTE", "1");
-  if (what == CellsOf::kMix) defines.emplace_back("SOLID_MIX", "1");
   VOXELD_ASSIGN(const gpu::Program* program, shaders_->get({{"solid_cells.comp"}}, defines));
   shared::SolidParams params{};
   params.cells = {cells.x, cells.y, cells.z, 0};
   bind(params);
-  // kMix recomputes the flags of cells in each block; those of the votes stay.
-  flags_.clear(0, what == CellsOf::kMix ? size_t{SOLID_FLAG_DISAGREE} * 4 : kFlagBytes);
-  const bool of_counts = what == CellsOf::kCounts || what == CellsOf::kMix;
-  (of_counts ? count_volume_ : volumes_[2]).bind_storage(SOLID_VOLUME_Z);
+  flags_.clear(0, kFlagBytes);
+  (what == CellsOf::kCounts ? count_volume_ : volumes_[2]).bind_storage(SOLID_VOLUME_Z);
   if (what == CellsOf::kVote) {
     volumes_[0].bind_storage(SOLID_VOLUME_X);
     volumes_[1].bind_storage(SOLID_VOLUME_Y);

@@ -24,6 +24,7 @@ struct SolidSweeps {
 
   bool votes() const { return carry_slots[0] > 0; }
 };
+// kAuto is nonzero or majority: the sweeps of both, for an upper bound.
 SolidSweeps sweeps_of(Sign sign, const glm::ivec3& tiles);
 
 // The rule by which the bits of columns become cells.
@@ -31,7 +32,6 @@ enum class CellsOf {
   kParity,  // along z
   kCounts,  // along z
   kVote,    // two of the parities along x, y, z
-  kMix,     // counts where the axes disagree; after kVote
 };
 
 // Runs the passes. Only the context's thread may use it.

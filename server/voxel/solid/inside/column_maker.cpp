@@ -118,33 +118,39 @@ void ColumnMaker::run(const InsidePlan& plan, size_t column, const ColumnShare& 
 void ColumnMaker::make_tile(const InsidePlan& plan, const glm::ivec3& tile,
                             const ColumnShare& share, const TileExtent& extent, TileBits& out,
                             AxisVotes& votes) {
-  BrickRow rows, disagree, winding;
+  BrickRow rows;
   for (int z = 0; z < extent.bricks_z(); ++z) {
     for (int y = extent.brick_y_first; y < extent.brick_y_end; ++y) {
       if (plan.job.sign == Sign::kWinding) {
         winding_->next_row(y, z, rows);
-        if (thresholds_.any()) apply_thresholds(plan, tile, y, z, nullptr, rows);
+        if (thresholds_.any()) apply_thresholds(plan, tile, y, z, rows);
       } else {
         parity_.next_row(y, z, rows);
       }
-      if (plan.needs_axes()) vote(plan, tile, y, z, rows, disagree, votes);
-      if (plan.job.sign == Sign::kAuto) {
-        winding_->next_row(y, z, winding);
-        if (thresholds_.any()) apply_thresholds(plan, tile, y, z, &disagree, winding);
-        for (size_t i = 0; i < kBrickRowWords; ++i) {
-          rows[i] = (rows[i] & ~disagree[i]) | (winding[i] & disagree[i]);
-        }
-      }
+      if (plan.needs_axes()) vote(plan, tile, y, z, rows, votes);
       trim(extent, y, z, rows);
       out.add_row(share.part, y, z, rows);
     }
   }
+  if (!doubtful_.empty()) keep_doubtful(tile, votes);
+}
+
+void ColumnMaker::keep_doubtful(const glm::ivec3& tile, AxisVotes& votes) {
+  std::ranges::sort(doubtful_, {}, &std::pair<uint32_t, BrickMask>::first);
+  SparseTile& kept = votes.doubtful.emplace_back();
+  kept.coord = {tile.x, tile.y, tile.z};
+  for (const auto& [morton, mask] : doubtful_) {
+    kept.brick_morton.push_back(morton);
+    kept.masks.push_back(mask);
+  }
+  canonicalize(kept);
+  doubtful_.clear();
 }
 
 // Replaces `rows`, the parity along z, by the majority of the three axes.
 void ColumnMaker::vote(const InsidePlan& plan, const glm::ivec3& tile, int brick_y, int brick_z,
-                       BrickRow& rows, BrickRow& disagree, AxisVotes& votes) {
-  BrickRow x, y, any;
+                       BrickRow& rows, AxisVotes& votes) {
+  BrickRow x, y, any, disagree;
   axes_->x.next_row(brick_y, brick_z, x);
   axes_->y.next_row(brick_y, brick_z, y);
   uint64_t some = 0;
@@ -169,20 +175,20 @@ void ColumnMaker::vote(const InsidePlan& plan, const glm::ivec3& tile, int brick
     const uint32_t morton =
         morton_encode(static_cast<uint32_t>(brick), static_cast<uint32_t>(brick_y),
                       static_cast<uint32_t>(brick_z));
-    votes.disagree += count_beside(brick_of_row(disagree, brick), surface_, morton);
+    const BrickMask cells = brick_of_row(disagree, brick);
+    votes.disagree += count_beside(cells, surface_, morton);
+    if (plan.job.keeps_doubtful) doubtful_.emplace_back(morton, cells);
   }
 }
 
-// Recomputes bricks whose threshold is not 1. If `wanted` is given, only those of which it has
-// bits.
+// Recomputes bricks whose threshold is not 1.
 void ColumnMaker::apply_thresholds(const InsidePlan& plan, const glm::ivec3& tile, int brick_y,
-                                   int brick_z, const BrickRow* wanted, BrickRow& rows) {
+                                   int brick_z, BrickRow& rows) {
   std::array<int, 512> cells;
   auto* bytes = reinterpret_cast<uint8_t*>(rows.data());
   const int v_offset = window_.v_first - tile.y * limits::kTileSide;
   const int bricks_x = (window_.u_count + 7) / limits::kBrickSide;
   for (int brick = 0; brick < bricks_x; ++brick) {
-    if (wanted != nullptr && brick_bits(*wanted, brick) == 0) continue;
     const int one = thresholds_.of_brick(brick, brick_y, brick_z);
     if (one == 1) continue;
     if (one == Thresholds::kMixed) {

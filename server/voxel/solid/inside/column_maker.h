@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "server/voxel/solid/inside/axis_crossings.h"
@@ -25,8 +26,8 @@ namespace voxeld {
 struct InsidePlan {
   InsidePlan(const InsideJob& job, ThreadTeam& team);
 
-  bool needs_winding() const { return job.sign == Sign::kWinding || job.sign == Sign::kAuto; }
-  bool needs_axes() const { return job.sign == Sign::kMajority || job.sign == Sign::kAuto; }
+  bool needs_winding() const { return job.sign == Sign::kWinding; }
+  bool needs_axes() const { return job.sign == Sign::kMajority; }
   // One past the last tile along z.
   int tiles_z() const { return (job.dims.z + limits::kTileSide - 1) / limits::kTileSide; }
 
@@ -62,9 +63,10 @@ class ColumnMaker {
   void make_tile(const InsidePlan& plan, const glm::ivec3& tile, const ColumnShare& share,
                  const TileExtent& extent, TileBits& out, AxisVotes& votes);
   void vote(const InsidePlan& plan, const glm::ivec3& tile, int brick_y, int brick_z,
-            BrickRow& rows, BrickRow& disagree, AxisVotes& votes);
+            BrickRow& rows, AxisVotes& votes);
+  void keep_doubtful(const glm::ivec3& tile, AxisVotes& votes);
   void apply_thresholds(const InsidePlan& plan, const glm::ivec3& tile, int brick_y, int brick_z,
-                        const BrickRow* wanted, BrickRow& rows);
+                        BrickRow& rows);
 
   SweepZ parity_;                    // sweeps the mesh, or the changes of nonzero
   std::unique_ptr<SweepZ> winding_;  // the state is: winding number of mesh and cones > 0
@@ -74,7 +76,8 @@ class ColumnMaker {
   std::vector<Crossing> crossings_, changes_;
   TileCrossings parity_crossings_, winding_crossings_;
   ColumnWinding column_winding_;
-  Thresholds thresholds_;  // those of the tile
+  Thresholds thresholds_;                                 // those of the tile
+  std::vector<std::pair<uint32_t, BrickMask>> doubtful_;  // of the tile, by Morton index
 };
 
 }  // namespace voxeld

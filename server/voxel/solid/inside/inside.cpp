@@ -91,10 +91,11 @@ class InsideFinder::Run {
     return {};
   }
 
-  void add_votes(AxisVotes& votes) const {
-    for (const AxisVotes& of_thread : votes_) {
+  void add_votes(AxisVotes& votes) {
+    for (AxisVotes& of_thread : votes_) {
       votes.inside += of_thread.inside;
       votes.disagree += of_thread.disagree;
+      std::ranges::move(of_thread.doubtful, std::back_inserter(votes.doubtful));
     }
   }
 

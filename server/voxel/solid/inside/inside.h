@@ -30,15 +30,16 @@ int64_t count_beside(const BrickMask& cells, const SparseTile* surface, uint32_t
 struct AxisVotes {
   int64_t inside = 0;    // by one axis or more; surface cells included
   int64_t disagree = 0;  // not surface, and not inside by all axes
+  // The cells on which the axes disagree, if the job asks for them, in any order of tiles.
+  std::vector<SparseTile> doubtful{};
 };
 
 struct InsideJob {
   const FillMesh& mesh;
   glm::ivec3 dims;
-  // kParity, kNonzero, kMajority, kWinding or kAuto. kAuto is majority, and winding where the axes
-  // disagree.
-  Sign sign = Sign::kParity;
+  Sign sign = Sign::kParity;  // kParity, kNonzero, kMajority or kWinding
   SurfaceTiles surface;
+  bool keeps_doubtful = false;  // AxisVotes::doubtful; of kMajority
 };
 
 // Called as tile columns are finished; an error ends the work.
@@ -60,7 +61,7 @@ class InsideFinder {
   ThreadTeam& team() const { return team_; }
 
   // Appends the tiles with inside cells, canonical and without attributes, in any order. votes: set
-  // by kMajority and kAuto only.
+  // by kMajority only.
   Status find(const InsideJob& job, const ColumnProgress& progress, std::vector<SparseTile>& tiles,
               AxisVotes& votes);
 

@@ -14,11 +14,8 @@ namespace {
 __extension__ using Wide = __int128;
 
 constexpr uint32_t kLeafTriangles = 4;
-// From this many radii on a node's triangles count as one dipole. Barill, Dickson, Schmidt, Levin &
-// Jacobson 2018, "Fast winding numbers for soups and clouds", take 2 radii with a higher order. The
-// omitted part is below kFarError of the most that the node can add.
-constexpr double kFarRadii = 8.0;
-constexpr double kFarError = 1.0 / 16;  // fraction of the most that a node can add, A / (4 pi d^2)
+// Of the most that a node can add, A / (4 pi d^2), from kFarRadii on.
+constexpr double kFarError = 1.0 / 16;
 constexpr double kJump = 1e300;
 // Bound of the rounding error in sums of a few thousand angles.
 constexpr double kRounding = 1e-9;
@@ -88,14 +85,21 @@ int threshold_of(double c) {
 
 }  // namespace
 
-WindingField::WindingField(const std::vector<glm::ivec3>& cones, int sub_voxel_bits)
-    : half_cell_(int64_t{1} << sub_voxel_bits) {
+WindingField::WindingField(const std::vector<glm::ivec3>& triangles, int sub_voxel_bits,
+                           double far_radii)
+    : half_cell_(int64_t{1} << sub_voxel_bits), far_radii_(far_radii) {
   const auto point = [](const glm::ivec3& q) { return glm::i64vec3(q) * int64_t{2} + int64_t{1}; };
-  for (size_t i = 0; i + 2 < cones.size(); i += 3) {
-    const Triangle t = {point(cones[i]), point(cones[i + 1]), point(cones[i + 2])};
+  for (size_t i = 0; i + 2 < triangles.size(); i += 3) {
+    const Triangle t = {point(triangles[i]), point(triangles[i + 1]), point(triangles[i + 2])};
     if (t.a != t.c && t.b != t.c) triangles_.push_back(t);
   }
   if (!triangles_.empty()) build(0, static_cast<uint32_t>(triangles_.size()));
+}
+
+int64_t WindingField::bytes_for(int64_t triangles) {
+  // Lists grow by copies, and leaves hold two triangles or more.
+  constexpr int64_t kCornerBytes = 3 * sizeof(glm::ivec3);
+  return triangles * (kCornerBytes + 2 * static_cast<int64_t>(sizeof(Triangle) + sizeof(Node)));
 }
 
 uint32_t WindingField::build(uint32_t first, uint32_t count) {
@@ -129,8 +133,11 @@ uint32_t WindingField::build(uint32_t first, uint32_t count) {
   std::sort(begin, end, [axis](const Triangle& a, const Triangle& b) {
     const int64_t middle_a = a.a[axis] + a.b[axis] + a.c[axis];
     const int64_t middle_b = b.a[axis] + b.b[axis] + b.c[axis];
-    return std::tuple(middle_a, key_of(a.a), key_of(a.b), key_of(a.c)) <
-           std::tuple(middle_b, key_of(b.a), key_of(b.b), key_of(b.c));
+    // Triangles that face the other way have the same order.
+    const auto [a_low, a_high] = std::minmax({key_of(a.b), key_of(a.c)});
+    const auto [b_low, b_high] = std::minmax({key_of(b.b), key_of(b.c)});
+    return std::tuple(middle_a, key_of(a.a), a_low, a_high, key_of(a.b)) <
+           std::tuple(middle_b, key_of(b.a), b_low, b_high, key_of(b.b));
   });
   build(first, count / 2);
   const uint32_t second = build(first + count / 2, count - count / 2);
@@ -172,7 +179,7 @@ WindingField::Value WindingField::value(const glm::i64vec3& p, double half_diago
     const glm::dvec3 offset = node.centre - at;
     const double distance = glm::length(offset);
     const double nearest = distance - node.radius - half_diagonal;
-    if (distance > kFarRadii * node.radius + half_diagonal && nearest > 0) {
+    if (distance > far_radii_ * node.radius + half_diagonal && nearest > 0) {
       const double squared = nearest * nearest;
       value.c +=
           glm::dot(node.dipole, offset) / (4 * std::numbers::pi * distance * distance * distance);

@@ -18,10 +18,24 @@ namespace voxeld {
 
 class WindingField {
  public:
-  // cones: three corners each, q at `sub_voxel_bits`; see closing_cones().
-  WindingField(const std::vector<glm::ivec3>& cones, int sub_voxel_bits);
+  // Of triangles, three corners each, q at `sub_voxel_bits`: closing_cones(), or a mesh. far_radii:
+  // from so many radii of a cluster on, its triangles count as one dipole.
+  WindingField(const std::vector<glm::ivec3>& triangles, int sub_voxel_bits,
+               double far_radii = kFarRadii);
+
+  // Barill, Dickson, Schmidt, Levin & Jacobson 2018, "Fast winding numbers for soups and clouds",
+  // take 2 radii with a higher order. From 8 on, the omitted part is below 1/16 of the most that a
+  // cluster can add.
+  static constexpr double kFarRadii = 8.0;
+
+  // An upper bound of the bytes that it takes.
+  static int64_t bytes_for(int64_t triangles);
 
   bool empty() const { return triangles_.empty(); }
+
+  // The sum of the triangles' solid angles over 4 pi at the centre of a cell: the winding number of
+  // a mesh, 1 inside of one that is closed and faces outwards.
+  double winding(const glm::ivec3& cell) const { return value(centre(cell, 1), 0).c; }
 
   // The least integer N with N > 1/2 + c at the centre of a cell.
   int threshold(const glm::ivec3& cell) const;
@@ -64,6 +78,7 @@ class WindingField {
   std::vector<Triangle> triangles_;
   std::vector<Node> nodes_;
   int64_t half_cell_;
+  double far_radii_;
 };
 
 }  // namespace voxeld

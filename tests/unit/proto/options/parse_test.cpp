@@ -689,7 +689,7 @@ TEST(Options, formats_have_names_media_types_and_extensions) {
   EXPECT_FALSE(format_from_name("stl"));
 }
 
-TEST(Options, interior_applies_to_solids_and_shells_that_have_a_surface) {
+TEST(Options, interior_applies_to_solids_and_shells) {
   const auto solid = parsed({{"fill", "solid"}, {"interior", "nearest"}}, OptionScope::kVoxelize);
   EXPECT_EQ(solid.voxelize.interior, Interior::kNearest);
   EXPECT_EQ(parsed({{"fill", "shell"}}, OptionScope::kVoxelize).voxelize.interior, Interior::kNone);
@@ -697,10 +697,10 @@ TEST(Options, interior_applies_to_solids_and_shells_that_have_a_surface) {
             "interior: expected fill solid or shell with it, got \"surface\"");
   EXPECT_EQ(refused({{"fill", "band"}, {"interior", "none"}}, OptionScope::kVoxelize).message(),
             "interior: expected fill solid or shell with it, got \"band\"");
-  EXPECT_EQ(refused({{"fill", "solid"}, {"rule", "none"}, {"interior", "nearest"}},
-                    OptionScope::kVoxelize)
-                .message(),
-            "rule: expected touch, thin or center where interior is nearest, got \"none\"");
+  EXPECT_EQ(
+      parsed({{"fill", "solid"}, {"rule", "none"}, {"interior", "nearest"}}, OptionScope::kVoxelize)
+          .voxelize.interior,
+      Interior::kNearest);
 }
 
 TEST(Options, distances_have_a_sign_and_bands_have_distances) {
