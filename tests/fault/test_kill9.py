@@ -81,7 +81,7 @@ class Client(threading.Thread):
             with self.history.lock:
                 self.history.requests_sent += 1
             try:
-                connection = http.client.HTTPConnection("127.0.0.1", self.arena.port, timeout=60)
+                connection = http.client.HTTPConnection(self.arena.host, self.arena.port, timeout=60)
                 connection.request(method, path, body=body, headers=headers or {})
                 response = connection.getresponse()
                 text = response.read()
@@ -164,6 +164,8 @@ class Arena:
         self.kills, self.seed = kills, seed
         self.random = random.Random(seed)
         self.directory = tempfile.mkdtemp(prefix="voxeld-kill9-", dir=disk)
+        # No other daemon listens on this loopback address: while this one is down, its port is nobody's.
+        self.host = f"127.{random.randrange(1, 255)}.{random.randrange(256)}.{random.randrange(1, 255)}"
         self.history = History()
         self.ended = threading.Event()
         self.start_seconds = []
@@ -174,7 +176,7 @@ class Arena:
     def start(self, make=None):
         begin = time.monotonic()
         if make is not None:
-            self.daemon = make(device="cpu", data_dir=self.directory,
+            self.daemon = make(device="cpu", data_dir=self.directory, host=self.host,
                                arguments=["--disk-reserve", "0", "--queued-jobs-max", "100000"])
         else:
             self.daemon.start()

@@ -120,9 +120,11 @@ class Daemon:
     """One voxeld with a data directory of its own."""
     program = [BIN / "voxeld"]
 
-    def __init__(self, device="llvmpipe", data_dir=None, arguments=(), listen="127.0.0.1:0"):
+    def __init__(self, device="llvmpipe", data_dir=None, arguments=(), listen=None, host="127.0.0.1"):
+        """host is the address that requests go to."""
         self.device = device
-        self.listen = listen
+        self.host = host
+        self.listen = listen or f"{host}:0"
         self.own_data = data_dir is None
         self.data_dir = data_dir or tempfile.mkdtemp(prefix="voxeld-test-")
         self.arguments = list(arguments)
@@ -144,7 +146,7 @@ class Daemon:
             self.process.wait(HANG_SECONDS)
             raise AssertionError(f"daemon did not start: {line!r}\n{self.log_tail()}")
         self.port, self.admin_port = int(match.group(1)), int(match.group(2))
-        self.url = f"http://127.0.0.1:{self.port}"
+        self.url = f"http://{self.host}:{self.port}"
         self.wait_ready()
 
     def wait_ready(self):
@@ -167,7 +169,8 @@ class Daemon:
         return other
 
     def request(self, method, path, body=None, headers=None, port=None, timeout=HANG_SECONDS):
-        connection = http.client.HTTPConnection("127.0.0.1", port or self.port, timeout=timeout)
+        host = self.host if port is None else "127.0.0.1"
+        connection = http.client.HTTPConnection(host, port or self.port, timeout=timeout)
         headers = dict(headers or {})
         if self.key is not None:
             headers.setdefault("Authorization", "Bearer " + self.key)

@@ -54,8 +54,8 @@ struct VoxelizePlan {
   // The device already has the vertices (DeviceSkin). `mesh` has current ones only if the CPU needs
   // them.
   bool has_device_vertices = false;
-  // Of the surface only the cells inside are kept: rule=none with attributes, whose surface is that
-  // of rule=touch.
+  // Drops the surface's cells that are outside: rule=none with attributes, whose surface is that of
+  // rule=touch.
   bool keeps_inside = false;
   // Measured costs of the device's pipelines; null: there are none.
   const DeviceCalibration* calibration = nullptr;

@@ -72,7 +72,7 @@ struct Doubt {
   BrickMask free, touched;
 };
 
-// Of regions that reach the outside, the only ones that are flooded yet.
+// In regions that reach the outside: they alone are flooded yet.
 std::vector<Doubt> undecided(const Regions& regions, const std::vector<SparseTile>& doubtful,
                              bool decides_touched) {
   std::vector<Doubt> doubts;

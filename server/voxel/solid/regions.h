@@ -30,7 +30,7 @@ class Regions {
     BrickPlanes cells{};
   };
   static constexpr int32_t kWholeTile = -1;
-  // What a flood is for. A cell is visited once for each.
+  // A cell is visited once in each turn.
   enum class Turn : uint8_t { kFirst, kSecond };
   using Visit = std::function<void(const Piece&)>;
 
@@ -45,8 +45,8 @@ class Regions {
   // Visits the region of `start`. Each of its cells is in one piece.
   Status flood(const Piece& start, Turn turn, const Visit& visit, const ColumnProgress& progress);
 
-  // Of a brick, by the number of its tile and its Morton index there: the cells that had their
-  // first turn, and the touched ones.
+  // The cells of a brick that had their first turn, and those that are touched. A brick is given by
+  // the number of its tile and its Morton index there.
   BrickPlanes reached(size_t tile, uint32_t brick) const;
   BrickPlanes touched(size_t tile, uint32_t brick) const;
 

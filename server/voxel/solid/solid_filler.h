@@ -38,7 +38,7 @@ class SolidFiller {
 
  private:
   class TouchCells;
-  // What the steps of fill() share.
+  // Shared by the steps of fill().
   struct Work {
     const VoxelizePlan& plan;
     const FillMesh& mesh;

@@ -87,7 +87,7 @@ TEST(AutoSign, is_the_same_for_any_winding) {
 }
 
 TEST(AutoSign, cracks_narrower_than_a_cell_do_not_show) {
-  // Of radius 40, in the middle of a box of 100 cells.
+  // The radius is 40 cells, the box 100.
   const Scene sphere =
       moved(wavy_sphere(kLevel), [](const glm::dvec3& p) { return 30.0 * p + 50.0; });
   VoxelizeOptions options = solid(Sign::kAuto);
@@ -97,7 +97,8 @@ TEST(AutoSign, cracks_narrower_than_a_cell_do_not_show) {
     for (const bool is_random : {false, true}) {
       Scene open = cracked(sphere, 0.03, seed);
       if (is_random) open = flipped(open, half_of(seed));
-      // Of 200,000 cells: pockets of one cell between touched ones have no neighbours to tell.
+      // The few that differ, of 200,000, are pockets of one cell between touched ones: no neighbour
+      // tells their state.
       EXPECT_LE(differences_beside(voxelized(open, options), whole, {&open, &sphere}), 5u)
           << "seed " << seed << (is_random ? ", random" : "");
       options.sign = Sign::kMajority;

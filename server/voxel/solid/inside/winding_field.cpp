@@ -14,7 +14,7 @@ namespace {
 __extension__ using Wide = __int128;
 
 constexpr uint32_t kLeafTriangles = 4;
-// Of the most that a node can add, A / (4 pi d^2), from kFarRadii on.
+// From kFarRadii on, as a part of the most that a node can add, A / (4 pi d^2).
 constexpr double kFarError = 1.0 / 16;
 constexpr double kJump = 1e300;
 // Bound of the rounding error in sums of a few thousand angles.

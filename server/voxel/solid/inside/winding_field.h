@@ -18,8 +18,8 @@ namespace voxeld {
 
 class WindingField {
  public:
-  // Of triangles, three corners each, q at `sub_voxel_bits`: closing_cones(), or a mesh. far_radii:
-  // from so many radii of a cluster on, its triangles count as one dipole.
+  // triangles: three corners each, q at `sub_voxel_bits`; those of closing_cones(), or of a mesh.
+  // far_radii: from so many radii of a cluster on, its triangles count as one dipole.
   WindingField(const std::vector<glm::ivec3>& triangles, int sub_voxel_bits,
                double far_radii = kFarRadii);
 
