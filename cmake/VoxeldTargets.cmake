@@ -59,19 +59,21 @@ function(voxeld_library name)
   target_link_libraries(${name} INTERFACE ${VOXELD_MERGED})
 endfunction()
 
-# voxeld_test(<name> SOURCES a.cpp ... LIBS lib ... [LABEL l] [WHOLE]) makes one gtest binary, one
-# ctest entry and the label that `ctest -L` selects by.
+# voxeld_test(<name> SOURCES a.cpp ... LIBS lib ... [LABEL l] [WHOLE] [COMPUTES]) makes one gtest
+# binary, one ctest entry and the label that `ctest -L` selects by.
+#
+# COMPUTES: loops in the test's own sources are most of its time, so that they are optimized as the
+# preset says. Others take half the time to compile without.
 #
 # WHOLE: tests choose between two lists of parameters (tests/unit/long_form.h). The entry takes the
 # short ones. A second entry, <name>.whole of label long, takes the whole ones.
 function(voxeld_test name)
-  cmake_parse_arguments(ARG "WHOLE" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(ARG "WHOLE;COMPUTES" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
-  # Half the time of compiling them with sanitizers; these tests wait more than they compute.
-  if(VOXELD_SANITIZE AND VOXELD_CONTROL_PLANE)
-    target_compile_options(${name} PRIVATE -O0)
+  if(NOT ARG_COMPUTES)
+    target_compile_options(${name} PRIVATE -O0 $<$<NOT:$<BOOL:${VOXELD_SANITIZE}>>:-g0>)
   endif()
   add_test(NAME ${name} COMMAND ${name})
   if(NOT ARG_TIMEOUT)
