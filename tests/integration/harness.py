@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import threading
 import time
 import unittest
 
@@ -254,6 +255,17 @@ class Daemon:
         if self.own_data:
             shutil.rmtree(self.data_dir, ignore_errors=True)
             os.unlink(self.data_dir.rstrip("/") + ".log")
+
+
+def run_for(seconds, stop, calls):
+    """Runs the calls, each on a thread; sets the event `stop` after so many seconds, by which they end."""
+    threads = [threading.Thread(target=call) for call in calls]
+    for thread in threads:
+        thread.start()
+    stop.wait(seconds)
+    stop.set()
+    for thread in threads:
+        thread.join()
 
 
 class TenantsDaemon:

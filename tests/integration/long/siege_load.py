@@ -10,7 +10,7 @@ import statistics
 import threading
 import time
 
-from harness import TenantsDaemon
+from harness import TenantsDaemon, run_for
 
 HONEST = ("ada", "ben", "cleo")
 HOSTILE = "mallory"
@@ -201,14 +201,8 @@ class Siege(TenantsDaemon):
         """Facts of a phase: percentiles of honest clients in milliseconds, and the gateway's memory."""
         self.stop.clear()
         self.times_ms, self.hostile, wrong_before = {}, {}, len(self.wrong)
-        threads = [threading.Thread(target=self.be_honest, args=(tenant,)) for tenant in HONEST]
-        threads += [threading.Thread(target=self.be_hostile, args=(attack,)) for attack in attacks]
-        for thread in threads:
-            thread.start()
-        self.stop.wait(seconds)
-        self.stop.set()
-        for thread in threads:
-            thread.join()
+        run_for(seconds, self.stop, [lambda tenant=tenant: self.be_honest(tenant) for tenant in HONEST] +
+                [lambda attack=attack: self.be_hostile(attack) for attack in attacks])
         now_kb, most_kb = memory_kb(self.daemon.process.pid)
         return {"phase": name, "wrong": len(self.wrong) - wrong_before,
                 "gateway_kb": now_kb, "gateway_most_kb": most_kb,

@@ -14,7 +14,7 @@ import time
 
 import yaml
 
-from harness import ROOT, TenantsDaemon
+from harness import ROOT, TenantsDaemon, run_for
 
 # Data that lives longer than the shortest round would hide leaks.
 ARGUMENTS = ["--store-bytes-max", "48M", "--keep-jobs-days", "0.0002", "--keep-assets-days", "0.0002",
@@ -228,14 +228,8 @@ class Soak(TenantsDaemon):
         actions = [lambda chance, sort=sort, i=i: sort(TENANTS[i % len(TENANTS)], chance)
                    for i, sort in enumerate(sorts)] + [self.operate]
         assert len(actions) == CLIENTS
-        threads = [threading.Thread(target=self.loop, args=(i, action))
-                   for i, action in enumerate(actions)]
-        for thread in threads:
-            thread.start()
-        self.stop.wait(seconds)
-        self.stop.set()
-        for thread in threads:
-            thread.join()
+        run_for(seconds, self.stop,
+                [lambda i=i, action=action: self.loop(i, action) for i, action in enumerate(actions)])
         return self.rest()
 
     def gauges(self):
