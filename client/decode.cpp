@@ -13,6 +13,7 @@
 
 #include "client/c_error.h"
 #include "proto/codec/tile_runs.h"
+#include "proto/container/distance_unit.h"
 #include "proto/container/grid_format.h"
 #include "proto/thread_pool.h"
 
@@ -21,6 +22,7 @@ struct voxeld_grid {
   std::vector<voxeld::SparseTile> tiles;  // in Morton order of coord
   std::vector<uint64_t> rows_before;      // of each tile
   uint64_t voxel_count = 0;
+  double distance_unit = 1;
 };
 
 namespace voxeld {
@@ -95,7 +97,7 @@ void fill_distances(const voxeld_grid& grid, size_t t, int inside_steps, float* 
     const size_t count = count_of(mask);
     for (size_t i = 0; i < count; ++i) {
       const int steps = voxel == kNoAttributes ? inside_steps : tile.distance[voxel + i];
-      *out++ = static_cast<float>(steps) / static_cast<float>(kDistanceSteps);
+      *out++ = static_cast<float>(steps * grid.distance_unit / kDistanceSteps);
     }
   });
 }
@@ -141,6 +143,7 @@ Result<std::unique_ptr<voxeld_grid>> decode(std::span<const uint8_t> bytes) {
   auto grid = std::make_unique<voxeld_grid>();
   grid->header = reader->header();
   grid->tiles = *std::move(tiles);
+  grid->distance_unit = distance_unit(grid->header);
   for (const SparseTile& tile : grid->tiles) {
     grid->rows_before.push_back(grid->voxel_count);
     grid->voxel_count += tile.voxel_count();

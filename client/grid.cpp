@@ -5,6 +5,7 @@
 
 #include "client/grid_impl.h"
 #include "proto/codec/tile_runs.h"
+#include "proto/container/distance_unit.h"
 
 namespace voxeld::client {
 
@@ -36,7 +37,9 @@ Voxel Grid::Impl::read(const SparseTile& tile, int x, int y, int z, size_t numbe
   if (has.normal) std::copy_n(&tile.normal[3 * number], 3, voxel.normal.begin());
   if (has.material) voxel.material = tile.material[number];
   if (has.label) voxel.label = tile.label[number];
-  if (has.distance) voxel.distance = static_cast<float>(tile.distance[number]) / kDistanceSteps;
+  if (has.distance) {
+    voxel.distance = static_cast<float>(tile.distance[number] * distance_unit / kDistanceSteps);
+  }
   if (has.coverage) voxel.coverage = tile.coverage[number];
   return voxel;
 }
@@ -78,6 +81,7 @@ std::unique_ptr<Grid::Impl> Grid::Impl::of(GridHeader header, std::vector<Sparse
                                            uint64_t voxels) {
   auto impl = std::make_unique<Impl>();
   impl->header = std::move(header);
+  impl->distance_unit = voxeld::distance_unit(impl->header);
   impl->tiles = std::move(tiles);
   impl->voxels = voxels;
   for (const SparseTile& tile : impl->tiles) {

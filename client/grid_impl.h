@@ -18,6 +18,7 @@ struct Grid::Impl {
   std::vector<SparseTile> tiles;                     // in Morton order of coord
   std::vector<std::vector<uint32_t>> brick_offsets;  // voxels before each brick of a tile
   uint64_t voxels = 0;
+  double distance_unit = 1;
   std::string id;                  // of the daemon's grid; empty: none
   std::optional<Settings> daemon;  // which has that grid
 

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 import zstandard
 
-# Name, samples per voxel, their type; in the order of the header's bits. Distances: 1/128 voxel.
+# Name, samples per voxel, type; in the order of the header's bits. Distances: 1/128 voxel, or shortest edge (world).
 CHANNELS = [("color", 4, "<u1"), ("normal", 3, "<i1"), ("material", 1, "<u2"), ("label", 1, "<u2"),
             ("distance", 1, "<i2"), ("coverage", 1, "<u1")]
 

@@ -16,7 +16,7 @@ namespace voxeld {
 enum class Channel : uint8_t { kColor, kNormal, kMaterial, kLabel, kDistance, kCoverage };
 inline constexpr size_t kChannelCount = 6;
 
-// Steps of the distance channel per voxel.
+// Steps of the distance channel per voxel; with distance=world, per shortest edge of a voxel.
 inline constexpr int kDistanceSteps = 128;
 
 // The channels of one grid.
@@ -25,7 +25,7 @@ struct ChannelSet {
   bool normal = false;    // unit normal times 127
   bool material = false;  // ids from 1 on; 0: none
   bool label = false;     // likewise
-  bool distance = false;  // signed: 1/128 voxel
+  bool distance = false;  // signed: 1/128 voxel, or 1/128 of its shortest edge
   bool coverage = false;  // 255: the whole voxel is covered
 
   constexpr bool has(Channel channel) const;
@@ -40,7 +40,7 @@ enum class ChannelKind : uint8_t {
   kColor,     // R, G, B in sRGB, then linear alpha
   kVector,    // components of a unit vector times the largest sample
   kId,        // ids from 1 on; 0: none
-  kDistance,  // signed, in 1/kDistanceSteps voxel
+  kDistance,  // signed, in 1/kDistanceSteps of distance_unit()
   kFraction,  // the largest sample is 1
 };
 

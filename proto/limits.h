@@ -46,6 +46,9 @@ inline constexpr int kTurntableViewsMin = 2, kTurntableViewsMax = 360;  // inval
 
 inline constexpr double kThresholdMax = 1e30;   // of samples, of either sign: invalid-option
 inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
+// With distance=world, the longest edge of a voxel divided by the shortest: invalid-option. Beyond
+// it a step along the longest edge exceeds what 16 bits hold.
+inline constexpr int kDistanceAspectMax = 256;
 
 // Images. Larger: invalid-option.
 inline constexpr int kRenderSideMax = 4096;

@@ -63,7 +63,7 @@ struct SparseTile {
   std::vector<int8_t> normal{};      // 3: unit normal times 127, rounded
   std::vector<uint16_t> material{};  // 1: id; 0: none
   std::vector<uint16_t> label{};     // 1: likewise
-  std::vector<int16_t> distance{};   // 1: in 1/kDistanceSteps voxel
+  std::vector<int16_t> distance{};   // 1: in 1/kDistanceSteps of distance_unit()
   std::vector<uint8_t> coverage{};   // 1: 255 is all of the voxel
 
   bool empty() const { return masks.empty() && full.empty(); }

@@ -27,6 +27,8 @@ enum class ColorMode { kAverage, kNearest, kDominant, kShaded, kAxis, kNone };
 enum class LabelKind { kMesh, kNode, kMaterial, kGroup };
 enum class Interior { kNone, kNearest };
 enum class LevelRule { kAny, kMajority };
+// The unit of channel distance: voxels along each axis, or the units of the mesh.
+enum class DistanceUnit { kVoxels, kWorld };
 enum class PipelineChoice { kAuto, kRaster, kCompute, kCpu };
 enum class Codec { kFast, kSmall };
 // What the arrays of a NumPy file are: of all cells, or with a row for each voxel.
@@ -85,7 +87,8 @@ struct VoxelizeOptions {
   ColorMode color = ColorMode::kAverage;
   // Unset: occupancy, colour if the mesh has colours, and the distance of a band.
   std::optional<ChannelSet> channels;
-  LabelKind labels = LabelKind::kMesh;  // what channel label numbers
+  LabelKind labels = LabelKind::kMesh;            // what channel label numbers
+  DistanceUnit distance = DistanceUnit::kVoxels;  // of channel distance
   // Name or number of a material variant (KHR_materials_variants); unset: the file's materials.
   std::optional<std::string> variant;
   double threshold = 0.5;  // least sample of a voxel, of a file of samples
@@ -120,6 +123,10 @@ struct AnimationOptions {
 // The cells around a cell that touch it in a face; in a face or an edge; or at all.
 enum class Neighbors { kFaces, kEdges, kCorners };
 
+// Whether voxels whose colour has alpha 0 are left out; kAuto: where the format has no alpha, and
+// in images.
+enum class AlphaRule { kAuto, kKeep, kCut };
+
 struct LabelChange {
   uint16_t from = 0;
   uint16_t to = 0;
@@ -150,6 +157,7 @@ struct OutputOptions {
   LevelRule level_rule = LevelRule::kAny;
   // The first cell and the one after the last, at level 0: x0,y0,z0,x1,y1,z1.
   std::optional<std::array<int, 6>> region;
+  AlphaRule alpha = AlphaRule::kAuto;
   int keep = 0;    // the number of the largest components of voxels that remain; 0: all
   int dilate = 0;  // steps by which the voxels grow
   int erode = 0;   // steps by which they shrink, after dilate

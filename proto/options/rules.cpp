@@ -113,6 +113,11 @@ Status labels_need_channel_label(const Parsed& request) {
   return invalid("labels", "channel label with it", "channels without it");
 }
 
+Status distance_needs_channel_distance(const Parsed& request) {
+  if (!request.gives("distance") || request.options.voxelize.measures()) return {};
+  return invalid("distance", "channel distance with it", "channels without it");
+}
+
 Status time_excludes_frames(const Parsed& request) {
   const std::string_view other = request.first_of({"frames", "fps", "times"});
   if (!request.gives("time") || other.empty()) return {};
@@ -363,6 +368,7 @@ constexpr std::array kRules = {sign_needs_inside_or_distance,
                                thickness_needs_shell_or_band,
                                interior_needs_inside,
                                labels_need_channel_label,
+                               distance_needs_channel_distance,
                                time_excludes_frames,
                                times_exclude_frames_and_fps,
                                root_motion_needs_animation,

@@ -51,6 +51,9 @@ bool has_threshold(const RequestOptions& options) {
 bool has_labels(const RequestOptions& options) {
   return options.voxelize.names(Channel::kLabel);
 }
+bool has_world_distances(const RequestOptions& options) {
+  return options.voxelize.distance == DistanceUnit::kWorld;
+}
 bool moves(const RequestOptions& options) {
   return options.animation.moves();
 }
@@ -83,6 +86,9 @@ bool is_hollow(const RequestOptions& options) {
 }
 bool uses_neighbors(const RequestOptions& options) {
   return options.output.keep > 0 || is_dilated(options) || is_eroded(options) || is_hollow(options);
+}
+bool gives_alpha(const RequestOptions& options) {
+  return options.output.alpha != AlphaRule::kAuto;
 }
 bool is_cropped(const RequestOptions& options) {
   return options.output.crop;
@@ -208,6 +214,12 @@ std::vector<Option> voxelization_options() {
        .help = "what channel label numbers: the one with the largest part of a voxel",
        .details = "`meta` of the response names each id.",
        .is_written = has_labels},
+      {.name = "distance",
+       .codec = word(&V::distance, words::kDistance),
+       .help = "unit of channel distance: voxels along each axis, or the mesh's own unit",
+       .details = "`world`: the Euclidean distance, also where the edges of a voxel differ, up to "
+                  "256 shortest edges. The voxels of a band are the same with both.",
+       .is_written = has_world_distances},
       {.name = "variant",
        .form = "NAME | N",
        .codec = variant_name(),
@@ -328,6 +340,15 @@ std::vector<Option> output_options() {
        .codec = integer(&O::zarr_version, 2, 3),
        .help = "version of the Zarr format of a zarr",
        .is_written = is_zarr},
+      {.name = "alpha",
+       .codec = word(&O::alpha, words::kAlpha),
+       .help = "whether voxels whose colour has alpha 0 are kept or left out",
+       .details = "`auto`: left out of images and of formats whose colours have no alpha (`vox`, "
+                  "`obj`, `pcd`, `qb`, `schem`, `litematic`, `nbt`, `ldr`). After `level`, before "
+                  "`keep` and `hollow`. Alpha is 0 where all texels that the voxel holds are "
+                  "transparent: below the `alphaCutoff` of a glTF material in `MASK` mode.",
+       .is_written = gives_alpha,
+       .scopes = kAll},
       {.name = "keep",
        .form = "largest | N",
        .codec = keep(),

@@ -42,6 +42,8 @@ inline constexpr std::array<Word<LabelKind>, 4> kLabels = {{{"mesh", LabelKind::
                                                             {"node", LabelKind::kNode},
                                                             {"material", LabelKind::kMaterial},
                                                             {"group", LabelKind::kGroup}}};
+inline constexpr std::array<Word<DistanceUnit>, 2> kDistance = {
+    {{"voxels", DistanceUnit::kVoxels}, {"world", DistanceUnit::kWorld}}};
 inline constexpr std::array<Word<PipelineChoice>, 4> kPipeline = {
     {{"auto", PipelineChoice::kAuto},
      {"raster", PipelineChoice::kRaster},
@@ -76,6 +78,8 @@ inline constexpr std::array<Word<RendererChoice>, 3> kRenderer = {
     {{"auto", RendererChoice::kAuto}, {"gl", RendererChoice::kGl}, {"cpu", RendererChoice::kCpu}}};
 inline constexpr std::array<Word<LevelRule>, 2> kLevelRule = {
     {{"any", LevelRule::kAny}, {"majority", LevelRule::kMajority}}};
+inline constexpr std::array<Word<AlphaRule>, 3> kAlpha = {
+    {{"auto", AlphaRule::kAuto}, {"keep", AlphaRule::kKeep}, {"cut", AlphaRule::kCut}}};
 inline constexpr std::array<Word<ImageKind>, 4> kImage = {{{"png", ImageKind::kPng},
                                                            {"gif", ImageKind::kGif},
                                                            {"apng", ImageKind::kApng},

@@ -163,7 +163,8 @@ class Voxels:
 
     @property
     def distances(self) -> npt.NDArray[np.float32] | None:
-        """(N,) distances to the mesh in voxels, negative inside. None without distances."""
+        """(N,) distances to the mesh in voxels, with `distance="world"` in its own unit, negative inside. None without
+        distances."""
         return self.rows("distance")
 
     @property

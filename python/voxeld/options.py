@@ -45,6 +45,7 @@ class GridOptions(TypedDict, total=False):
     color: Literal["average", "nearest", "dominant", "shaded", "axis", "none"]
     channels: Channel | Sequence[Channel]
     labels: Literal["mesh", "node", "material", "group"]
+    distance: Literal["voxels", "world"]
     variant: str | int
     threshold: float
     pipeline: Literal["auto", "raster", "compute", "cpu"]
@@ -68,6 +69,7 @@ class SelectionOptions(TypedDict, total=False):
     """A part of a grid, or a coarser one."""
     level: int
     level_rule: Literal["any", "majority"]
+    alpha: Literal["auto", "keep", "cut"]
     region: Sequence[int]
 
 

@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 8;
+inline constexpr int kAlgorithmVersion = 9;
 }  // namespace voxeld

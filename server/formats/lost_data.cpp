@@ -108,8 +108,9 @@ class LostData {
       add("lost-units", "no place for the units, which are " + units_);
     }
     add_placement();
-    if (written.distance && !volume::is_cubic(grid_.spec)) {
-      add("distance-in-voxels", "voxels are no cubes, so distances are in voxels");
+    if (written.distance && !volume::has_world_distances(grid_)) {
+      add("distance-in-voxels",
+          "voxels are no cubes, so distances are in voxels; distance=world avoids it");
     }
     return std::move(warnings_);
   }

@@ -18,7 +18,7 @@ namespace voxeld {
 //   lost-placement     no origin and voxel size
 //   lost-precision     floats too coarse for the origin
 //   not-cubes          voxels that are no cubes, where the file has one size
-//   distance-in-voxels voxels that are no cubes, so distances are not in world units
+//   distance-in-voxels voxels that are no cubes and no distance=world, so distances are in voxels
 // A grid without tiles, that of a sequence, has no lost-alpha.
 std::vector<Warning> lost_data_warnings(const Grid& grid, const OutputOptions& options);
 

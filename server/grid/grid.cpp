@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "proto/container/distance_unit.h"
 #include "server/grid/tile_source.h"
 
 namespace voxeld {
@@ -14,6 +15,11 @@ uint64_t Grid::voxel_count() const {
   uint64_t count = 0;
   for (const SparseTile& tile : tiles) count += tile.voxel_count();
   return count;
+}
+
+double distance_unit(const Grid& grid) {
+  const glm::dvec3& size = grid.spec.voxel_size;
+  return distance_unit(grid.meta.has_world_distances(), {size.x, size.y, size.z});
 }
 
 void normalize_tiles(Grid& grid) {

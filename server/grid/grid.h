@@ -34,6 +34,10 @@ std::array<uint8_t, 3> id_color(uint16_t id);
 // labels before materials. nullopt if the grid has colour, or no ids.
 std::optional<Channel> coloring_ids(const Grid& grid);
 
+// The value of kDistanceSteps steps of channel distance: 1 voxel, or with distance=world the
+// shortest edge of a voxel in world units.
+double distance_unit(const Grid& grid);
+
 // The sort key of a grid's tiles: the Morton code of the coord.
 uint32_t tile_order(const SparseTile& tile);
 

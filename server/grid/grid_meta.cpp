@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "proto/container/distance_unit.h"
 #include "proto/options/values.h"
 #include "proto/options/words.h"
 
@@ -55,6 +56,10 @@ bool GridMeta::is_band() const {
   return options != members_->end() && options->is_object() &&
          member(*options, "fill", std::string()) ==
              option_values::word_of<Fill>(Fill::kBand, option_words::kFill);
+}
+
+bool GridMeta::has_world_distances() const {
+  return voxeld::has_world_distances(*members_);
 }
 
 }  // namespace voxeld

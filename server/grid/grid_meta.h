@@ -27,6 +27,7 @@ class GridMeta {
   std::string content_hash() const;  // empty: unknown
   int algorithm_version() const;     // of the program that made the voxels; 0: unknown
   bool is_band() const;              // only the voxels near the surface have distances
+  bool has_world_distances() const;  // rather than distances in voxels
   bool operator==(const GridMeta& other) const { return *members_ == *other.members_; }
 
  private:

@@ -38,8 +38,9 @@ void LevelSums::add(const VoxelValues& values) {
   if (values.color != VoxelValues{}.color) {
     const auto& linear = linear16_from_srgb8();
     ++colored;
-    for (size_t c = 0; c < 3; ++c) color[c] += linear[values.color[c]];
-    color[3] += values.color[3];
+    const uint64_t alpha = values.color[3];
+    for (size_t c = 0; c < 3; ++c) color[c] += alpha * linear[values.color[c]];
+    color[3] += alpha;
   }
   if (values.normal != VoxelValues{}.normal) {
     ++directed;
@@ -76,10 +77,11 @@ VoxelValues LevelSums::mean(int level) const {
   }
   if (colored > 0) {
     const auto& srgb8 = srgb8_from_linear16();
-    for (size_t c = 0; c < 3; ++c) {
-      values.color[c] = srgb8[static_cast<size_t>((color[c] + colored / 2) / colored)];
+    const uint64_t alpha = color[3];
+    values.color = {255, 255, 255, static_cast<uint8_t>((alpha + colored / 2) / colored)};
+    for (size_t c = 0; c < 3 && values.color[3] != 0; ++c) {
+      values.color[c] = srgb8[static_cast<size_t>((color[c] + alpha / 2) / alpha)];
     }
-    values.color[3] = static_cast<uint8_t>((color[3] + colored / 2) / colored);
   }
   std::array<double, 3> v{};
   for (size_t c = 0; c < 3; ++c) v[c] = static_cast<double>(normal[c]);

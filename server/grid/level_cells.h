@@ -31,7 +31,7 @@ struct LevelSums {
   uint64_t cells = 0;               // occupied
   uint64_t colored = 0;             // those with a colour
   uint64_t directed = 0;            // those with a normal
-  std::array<uint64_t, 4> color{};  // R, G, B as 16-bit linear light, A unchanged
+  std::array<uint64_t, 4> color{};  // R, G, B as 16-bit linear light times A, and A
   std::array<int64_t, 3> normal{};
   uint64_t valued = 0;    // those with attributes of any kind
   int64_t distance = 0;   // over valued cells

@@ -35,19 +35,20 @@ uint8_t nearest_byte(uint64_t linear) {
 
 std::array<uint8_t, 3> mean_color(const Grid& grid) {
   std::array<std::array<uint64_t, 256>, 3> counts{};
-  uint64_t voxels = 0;
+  uint64_t weight = 0;
   for (const SparseTile& tile : grid.tiles) {
     for (size_t i = 0; i + 4 <= tile.color.size(); i += 4) {
-      for (size_t c = 0; c < 3; ++c) ++counts[c][tile.color[i + c]];
+      const uint64_t alpha = tile.color[i + 3];
+      for (size_t c = 0; c < 3; ++c) counts[c][tile.color[i + c]] += alpha;
+      weight += alpha;
     }
-    voxels += tile.color.size() / 4;
   }
-  if (voxels == 0) return kNeutralColor;
+  if (weight == 0) return kNeutralColor;
   std::array<uint8_t, 3> mean{};
   for (size_t c = 0; c < 3; ++c) {
     uint64_t sum = 0;
     for (size_t byte = 0; byte < 256; ++byte) sum += counts[c][byte] * linear_table()[byte];
-    mean[c] = nearest_byte((sum + voxels / 2) / voxels);
+    mean[c] = nearest_byte((sum + weight / 2) / weight);
   }
   return mean;
 }

@@ -11,6 +11,7 @@
 #include "server/base/check.h"
 #include "server/grid/level.h"
 #include "server/grid/morphology/component_tiles.h"
+#include "server/grid/morphology/cut_tiles.h"
 #include "server/grid/morphology/remap_tiles.h"
 #include "server/grid/morphology/step_tiles.h"
 #include "server/grid/palette_tiles.h"
@@ -191,8 +192,9 @@ bool changes_voxels(const OutputOptions& options) {
 }
 
 bool selects(const OutputOptions& options) {
-  return options.level > 0 || options.region || options.crop || options.mirror != MirrorAxes{} ||
-         changes_voxels(options) || !options.remap.empty() || recolors(options);
+  return options.level > 0 || options.alpha == AlphaRule::kCut || options.region || options.crop ||
+         options.mirror != MirrorAxes{} || changes_voxels(options) || !options.remap.empty() ||
+         recolors(options);
 }
 
 Result<CellBox> occupied_selection(const TileSource& source, const OutputOptions& options) {
@@ -291,6 +293,9 @@ Result<Selection> Selection::open(const TileSource& source, const OutputOptions&
     is_boxed = true;
   }
   selection.push_level(source, options);
+  if (cuts_transparent(options) && source.grid().channels.color) {
+    selection.push(std::make_unique<CutTiles>(selection.tiles()));
+  }
   if (changes_voxels(options)) {
     if (is_boxed) {
       selection.push(std::make_unique<RegionTiles>(selection.tiles(), selection.box_));

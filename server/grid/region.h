@@ -33,8 +33,8 @@ class RegionTiles final : public TileSource {
   MirrorAxes mirror_;
 };
 
-// Applies level, level_rule, region, keep, dilate, erode, hollow, mirror, remap and palette of a
-// request to a grid, and the box that its crop has become (occupied_selection()).
+// Applies level, level_rule, region, alpha, keep, dilate, erode, hollow, mirror, remap and palette
+// of a request to a grid, and the box that its crop has become (occupied_selection()).
 class Selection {
  public:
   // The source must outlive it. The colours of a .vox are left to its encoder, which knows their

@@ -240,6 +240,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   add_stage(stats.passes, "place", watch.lap());
   VOXELD_TRY(check_host_bytes(placed.spec, mesh_bytes(scene), host_bytes_max));
   if (plan.channels.volume) VOXELD_TRY(check_coverage_dims(placed.spec.dims));
+  if (plan.channels.grid.distance) VOXELD_TRY(check_distance_unit(placed.spec, options.distance));
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
   // A close estimate takes time, so it is made only for grids that might not fit.
   const bool fills = needs_all_tiles(options, plan.channels);
@@ -455,6 +456,7 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
                                                    impl_->host_bytes_max - mesh_bytes(scene)));
   const WantedChannels channels = wanted_channels(scene, options);
   if (channels.volume) VOXELD_TRY(check_coverage_dims(placed.spec.dims));
+  if (channels.grid.distance) VOXELD_TRY(check_distance_unit(placed.spec, options.distance));
   const TileBins bins(mesh, placed.spec.tile_dims());
   VoxelizeEstimate estimate;
   estimate.spec = placed.spec;

@@ -33,8 +33,15 @@ void begin_column(TouchTriangle t, int i, int j) {
 #if ATTRIBUTE_TEXTURE
 uvec4 linear_texel(ivec2 at, int level) {
   uvec4 texel = fetch_texel(at, level);
-  return uvec4(linear_from_srgb8(texel.x), linear_from_srgb8(texel.y), linear_from_srgb8(texel.z),
-               texel.w * 257u);
+  uvec4 linear = uvec4(linear_from_srgb8(texel.x), linear_from_srgb8(texel.y),
+                       linear_from_srgb8(texel.z), texel.w * 257u);
+#if ATTRIBUTE_ALPHA
+  // Multiplied by alpha, as the corners' colours are: means are then weighted by it.
+  linear.x = product16(linear.x, linear.w);
+  linear.y = product16(linear.y, linear.w);
+  linear.z = product16(linear.z, linear.w);
+#endif
+  return linear;
 }
 
 // Bilinear sample in linear light. The fraction has 8 bits on each axis, so that 65535 * 65536
@@ -51,7 +58,7 @@ uvec4 sample_tap(ivec3 weights, int level_max) {
                            wrap_v);
   int x0 = wrap_texel(u >> 8, size.x, wrap_u), x1 = wrap_texel((u >> 8) + 1, size.x, wrap_u);
   int y0 = wrap_texel(v >> 8, size.y, wrap_v), y1 = wrap_texel((v >> 8) + 1, size.y, wrap_v);
-  bool is_finer = level + 1 < level_max;
+  bool is_finer = level < level_max;
   uint fx = is_finer ? 128u : uint(u & 255), fy = is_finer ? 128u : uint(v & 255);
   uvec4 sum = linear_texel(ivec2(x0, y0), level) * ((256u - fx) * (256u - fy)) +
               linear_texel(ivec2(x1, y0), level) * (fx * (256u - fy)) +

@@ -51,7 +51,7 @@ class Errors(DaemonTest):
                 "rule=thick": ("touch", "thin", "center"),
                 "rule=none": ("fill is surface", "none"),
                 "fill=full": ("surface", "solid", "band"), "interior=nearest": ("solid", "surface"),
-                "sign=parity": ("fill",),
+                "sign=parity": ("fill",), "distance=world": ("channel distance",),
                 "fill=solid&thickness=2": ("shell",), "fill=shell&thickness=257": ("256",),
                 "color=blue": ("average",),
                 "channels=occupancy,smell": ("smell",), "pipeline=fast": ("raster",),

@@ -37,6 +37,22 @@ def sphere_stl(around, along, radius):
     return bytes(80) + len(facets).to_bytes(4, "little") + facets.tobytes()
 
 
+def triangle_distances(points, triangles):
+    """The distance of each point (N, 3) to the nearest of the triangles."""
+    least = np.full(len(points), np.inf)
+    for a, b, c in triangles:
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal)
+        height = (points - a) @ normal
+        foot = points - a - height[:, None] * normal
+        s, t = np.linalg.lstsq(np.stack([b - a, c - a], 1), foot.T, rcond=None)[0]
+        least = np.where((s >= 0) & (t >= 0) & (s + t <= 1), np.minimum(least, np.abs(height)), least)
+        for p, q in ((a, b), (b, c), (c, a)):
+            u = np.clip((points - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+            least = np.minimum(least, np.linalg.norm(points - p - u[:, None] * (q - p), axis=1))
+    return least
+
+
 class Fills(DaemonTest):
     def voxelize(self, mesh, query):
         response = self.daemon.post(f"/v1/voxelize?format=npy&filename=box.off&{query}", mesh)
@@ -163,6 +179,56 @@ class Fills(DaemonTest):
             self.assertAlmostEqual(float(distance[10, 10, 2]), -0.5, delta=0.01)
             self.assertGreater(float(distance[10, 10, 1]), 0)
             self.assertEqual(float(distance[10, 10, 10]) < 0, fill == "solid")
+
+    def test_distances_are_in_voxels_or_in_world_units(self):
+        corners = np.array([(0, 0, 0), (9, 1, 0.5), (2, 8, 1), (3, 2, 7)], float)
+        faces = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+        mesh = "\n".join(["OFF", "4 4 0", *(" ".join(map(str, corner)) for corner in corners),
+                          *("3 " + " ".join(map(str, face)) for face in faces)]).encode() + b"\n"
+        triangles = corners[np.array(faces)]
+
+        def npz(query):
+            response = self.daemon.post(f"/v1/voxelize?filename=t.off&format=npz&{query}", mesh)
+            self.assertEqual(response.status, 200, response.body)
+            return np.load(io.BytesIO(response.body))
+
+        query = "voxel_size=0.25,0.75,0.4&padding=3&fill=band&thickness=2"
+        fields, occupied = {}, {}
+        for unit in ("voxels", "world"):
+            grid = npz(f"{query}&distance={unit}")
+            size, field = grid["voxel_size"], grid["distance"]
+            self.assertEqual(size.tolist(), [0.25, 0.75, 0.4])
+            band = occupied[unit] = grid["occupancy"] > 0
+            z, y, x = np.indices(field.shape).reshape(3, -1)
+            points = grid["origin"] + (np.stack([x, y, z], 1) + 0.5) * size
+            edges = np.ones(3) if unit == "world" else size  # of the space in which distances are taken
+            exact = triangle_distances(points / edges, triangles / edges).reshape(field.shape)
+            # Half a step, and what snapping moves: half of 1/256 voxel along each axis.
+            off = (size / edges).min() / 256 + np.linalg.norm(size / edges) / 512 + 1e-6
+            np.testing.assert_allclose(np.abs(field[band]), exact[band], rtol=0, atol=off)
+            self.assertEqual(np.unique(np.abs(field[~band])).tolist(), [np.abs(field[band]).max()])
+            fields[unit] = field
+        # Voxels and signs are the same, and most distances are not.
+        self.assertTrue((occupied["voxels"] == occupied["world"]).all())
+        band = occupied["world"]
+        self.assertTrue((np.sign(fields["voxels"]) * np.sign(fields["world"]) >= 0).all())
+        ratio = fields["world"][band] / np.where(fields["voxels"][band] == 0, np.nan, fields["voxels"][band])
+        self.assertLess(np.nanmin(ratio), 0.35)
+        self.assertGreater(np.nanmax(ratio), 0.6)
+
+        # The distance of cubes is that in voxels, times the edge.
+        cubes = "voxel_size=0.3&padding=2&fill=solid&channels=distance"
+        in_voxels, in_world = npz(cubes), npz(cubes + "&distance=world")
+        edge = in_world["voxel_size"][0]
+        self.assertTrue((in_world["distance"] == (in_voxels["distance"].astype(float) * edge).astype(np.float32)).all())
+        # Other formats have the same values, and do not warn.
+        response = self.daemon.post(f"/v1/voxelize?filename=t.off&format=csv&{query}&distance=world", mesh)
+        self.assertEqual(response.headers.get("X-Voxeld-Warnings"), None)
+        table = np.genfromtxt(io.BytesIO(response.body), delimiter=",", names=True)
+        at = tuple(table[axis].astype(int) for axis in "zyx")
+        self.assertTrue((table["distance"].astype(np.float32) == fields["world"][at]).all())
+        response = self.daemon.post("/v1/voxelize?filename=t.off&voxel_size=1,300,1&fill=band&distance=world", mesh)
+        self.assertEqual((response.status, response.json()["code"]), (400, "invalid-option"), response.body)
 
     def test_a_solid_that_is_cut_shows_the_colours_of_its_surface(self):
         query = "size=20&fill=solid&color=axis&format=npz&filename=box.off"

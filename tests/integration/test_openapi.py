@@ -13,7 +13,8 @@ from harness import ROOT, DaemonTest
 # Settings that an option needs so that nothing but its value can be wrong.
 CONTEXT = {
     "sign": {"fill": "solid"}, "thickness": {"fill": "shell"}, "interior": {"fill": "solid"},
-    "rule": {"fill": "solid"}, "labels": {"channels": ["label"]}, "layout": {"format": "npz"},
+    "rule": {"fill": "solid"}, "labels": {"channels": ["label"]}, "distance": {"channels": ["distance"]},
+    "layout": {"format": "npz"},
     "mesh": {"format": "glb"}, "compress": {"format": "glb"}, "channel": {"format": "nrrd"},
     "blocks": {"format": "litematic"}, "dither": {"format": "vox"}, "schem_version": {"format": "schem"},
     "zarr_version": {"format": "zarr"}, "neighbors": {"keep": "largest"}, "remap": {"channels": ["label"]},

@@ -188,7 +188,7 @@ class Types(unittest.TestCase):
         self.assertEqual(set(made_of(options.OutputOptions)), set(schemas["ExportOptions"]) - {"frames", "filename"})
         grid_image = set(schemas["RenderOptions"]) - set(schemas["VoxelizeOptions"]) - {"frame"}
         self.assertEqual(set(made_of(options.GridImageOptions)),
-                         grid_image | {"level", "level_rule", "region", "cache"})
+                         grid_image | {"level", "level_rule", "alpha", "region", "cache"})
 
     def test_literals_are_the_values_of_the_api(self):
         schemas = self.openapi_options()

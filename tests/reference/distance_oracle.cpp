@@ -38,9 +38,13 @@ std::optional<long double> to_face(const LongVector& p, const LongVector& a, con
 
 }  // namespace
 
-long double surface_distance(const SnappedTriangles& triangles, const std::array<int, 3>& cell) {
+long double surface_distance(const SnappedTriangles& triangles, const std::array<int, 3>& cell,
+                             const std::array<double, 3>& edges) {
+  const auto place = [&](size_t axis, int64_t at) {
+    return static_cast<long double>(edges[axis]) * static_cast<long double>(at);
+  };
   LongVector p{};
-  for (size_t i = 0; i < 3; ++i) p[i] = cell[i] * 512 + 256;
+  for (size_t i = 0; i < 3; ++i) p[i] = place(i, cell[i] * 512 + 256);
   long double least = std::numeric_limits<long double>::infinity();
   const auto consider = [&](std::optional<long double> squared) {
     if (squared) least = std::min(least, *squared);
@@ -48,7 +52,7 @@ long double surface_distance(const SnappedTriangles& triangles, const std::array
   for (const auto& triangle : triangles) {
     std::array<LongVector, 3> v;
     for (size_t i = 0; i < 3; ++i) {
-      for (size_t c = 0; c < 3; ++c) v[i][c] = static_cast<long double>(triangle[i][c]);
+      for (size_t c = 0; c < 3; ++c) v[i][c] = place(c, triangle[i][c]);
     }
     for (size_t i = 0; i < 3; ++i) {
       const LongVector away = minus(v[i], p);

@@ -17,7 +17,7 @@ LevelMean mean_of(const std::vector<LevelVoxel>& cells) {
   for (const LevelVoxel& cell : cells) {
     if (cell.color != std::array<int, 4>{}) {
       ++colors;
-      for (int c = 0; c < 3; ++c) mean.color[c] += linear16(cell.color[c]);
+      for (int c = 0; c < 3; ++c) mean.color[c] += cell.color[3] * linear16(cell.color[c]);
       mean.color[3] += cell.color[3];
     }
     if (cell.normal != std::array<int, 3>{}) {
@@ -27,7 +27,10 @@ LevelMean mean_of(const std::vector<LevelVoxel>& cells) {
   }
   if (colors > 0) {
     mean.has_color = true;
-    for (long double& c : mean.color) c /= colors;
+    for (int c = 0; c < 3; ++c) mean.color[c] /= mean.color[3] > 0 ? mean.color[3] : 1;
+    mean.color[3] /= colors;
+    // No colour is seen.
+    if (std::floor(mean.color[3] + 0.5L) == 0) mean.color = {65535, 65535, 65535, 0};
   }
   const long double length = std::hypot(mean.normal[0], mean.normal[1], mean.normal[2]);
   if (normals > 0 && length > 0 && length / normals >= 0.127L) {

@@ -37,8 +37,9 @@ std::array<double, 4> texture_color(const Texture& texture, double u, double v) 
       const uint8_t* texel =
           &texture.rgba[4 * (static_cast<size_t>(row) * static_cast<size_t>(texture.width) +
                              static_cast<size_t>(column))];
-      for (size_t c = 0; c < 3; ++c) color[c] += weight * linear[texel[c]];
-      color[3] += weight * texel[3] / 255;
+      const double alpha = weight * texel[3] / 255;
+      for (size_t c = 0; c < 3; ++c) color[c] += alpha * linear[texel[c]];
+      color[3] += alpha;
     }
   }
   return color;

@@ -16,7 +16,8 @@ struct Texture {
   Edge edge_u = Edge::kRepeat, edge_v = Edge::kRepeat;
 };
 
-// (0,0) is the top left corner of the first texel, (1,1) the lower right one of the last.
+// Linear light multiplied by alpha, and alpha. (0,0) is the top left corner of the first texel,
+// (1,1) the lower right one of the last.
 std::array<double, 4> texture_color(const Texture& texture, double u, double v);
 
 }  // namespace voxeld::reference

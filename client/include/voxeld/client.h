@@ -113,7 +113,7 @@ struct Voxel {
   Color color{};
   Normal normal{};
   std::uint16_t material = 0, label = 0;  // ids; meta_json() names them
-  float distance = 0;                     // signed, in voxels
+  float distance = 0;                     // signed, in voxels; with distance=world in world units
   std::uint8_t coverage = 0;              // 255: the whole voxel is covered
 };
 

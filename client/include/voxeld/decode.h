@@ -37,7 +37,8 @@ enum voxeld_channel {
   VOXELD_NORMAL = 1,   /* int8_t[3]: unit normal times 127 */
   VOXELD_MATERIAL = 2, /* uint16_t: an id from 1 on; 0: none */
   VOXELD_LABEL = 3,    /* uint16_t: likewise */
-  VOXELD_DISTANCE = 4, /* float: to the mesh, in voxels, negative inside */
+  VOXELD_DISTANCE = 4, /* float: to the mesh, negative inside; in voxels, or in world units if
+                        * meta_json has {"options": {"distance": "world"}} */
   VOXELD_COVERAGE = 5  /* uint8_t: 255: the whole voxel is covered */
 };
 

@@ -73,6 +73,11 @@ constexpr std::string_view name_of(LabelKind value) {
   constexpr std::string_view kNames[] = {"mesh", "node", "material", "group"};
   return kNames[static_cast<std::size_t>(value)];
 }
+enum class Distance { kVoxels, kWorld };
+constexpr std::string_view name_of(Distance value) {
+  constexpr std::string_view kNames[] = {"voxels", "world"};
+  return kNames[static_cast<std::size_t>(value)];
+}
 enum class Pipeline { kAuto, kRaster, kCompute, kCpu };
 constexpr std::string_view name_of(Pipeline value) {
   constexpr std::string_view kNames[] = {"auto", "raster", "compute", "cpu"};
@@ -125,6 +130,11 @@ constexpr std::string_view name_of(MeshCompression value) {
 enum class Dither { kNone, kBayer, kError };
 constexpr std::string_view name_of(Dither value) {
   constexpr std::string_view kNames[] = {"none", "bayer", "error"};
+  return kNames[static_cast<std::size_t>(value)];
+}
+enum class Alpha { kAuto, kKeep, kCut };
+constexpr std::string_view name_of(Alpha value) {
+  constexpr std::string_view kNames[] = {"auto", "keep", "cut"};
   return kNames[static_cast<std::size_t>(value)];
 }
 enum class Neighbors { k6, k18, k26 };
@@ -236,6 +246,8 @@ class VOXELD_CLIENT_API Options {
   Options& channels(const std::vector<Channel>& values) { return set("channels", text(values)); }
   // what channel label numbers: the one with the largest part of a voxel (default: mesh)
   Options& labels(LabelKind value) { return set("labels", std::string(name_of(value))); }
+  // unit of channel distance: voxels along each axis, or the mesh's own unit (default: voxels)
+  Options& distance(Distance value) { return set("distance", std::string(name_of(value))); }
   // NAME | N: materials of a glTF file, by name or number of one of its variants (default: the
   // file's own)
   Options& variant(std::string value) { return set("variant", std::move(value)); }
@@ -297,6 +309,8 @@ class VOXELD_CLIENT_API Options {
   Options& schem_version(int value) { return set("schem_version", text(value)); }
   // version of the Zarr format of a zarr (2 to 3; default: 3)
   Options& zarr_version(int value) { return set("zarr_version", text(value)); }
+  // whether voxels whose colour has alpha 0 are kept or left out (default: auto)
+  Options& alpha(Alpha value) { return set("alpha", std::string(name_of(value))); }
   // largest | N: number of the largest components of voxels that remain; 0: all (default: all)
   Options& keep(std::string value) { return set("keep", std::move(value)); }
   Options& keep(int value) { return set("keep", text(value)); }

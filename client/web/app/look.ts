@@ -100,6 +100,13 @@ export class Look {
     return 2 ** this.stage.level;
   }
 
+  // Distances are in voxels, or in shortest edges of a voxel if they are meant in world units.
+  #distanceText(stored: number): string {
+    if (this.#meta.options?.distance !== "world") return stored.toFixed(2);
+    const edge = Math.min(...(this.#meta.voxel_size ?? [1]));
+    return String(Number((stored * edge).toPrecision(4)));
+  }
+
   #choose(axis: Axis | "", keepsPlace = false): void {
     const grid = this.stage.grid;
     this.#axis = axis;
@@ -162,7 +169,7 @@ export class Look {
       parts.push(`${t("channel_material")}: ${named(this.#meta.materials, hit.material)}`);
     if (hit.label) parts.push(`${t("channel_label")}: ${named(this.#meta.labels, hit.label)}`);
     if (hit.distance !== undefined)
-      parts.push(t("distanceIs", { n: (hit.distance * this.#scale).toFixed(2) }));
+      parts.push(t("distanceIs", { n: this.#distanceText(hit.distance * this.#scale) }));
     if (hit.coverage !== undefined)
       parts.push(t("coverageIs", { n: Math.round(100 * hit.coverage) }));
     return parts.join(" · ");

@@ -63,6 +63,7 @@ export interface GridMeta {
   readonly origin?: readonly [number, number, number];
   readonly voxel_size?: readonly [number, number, number];
   readonly voxel_count?: number;
+  readonly options?: { readonly distance?: string };
   readonly channels?: readonly string[];
   readonly materials?: readonly NamedId[];
   readonly labels?: readonly NamedId[];

@@ -36,7 +36,7 @@ export interface Hit {
   readonly normal?: Vec3;
   readonly material?: number;
   readonly label?: number;
-  readonly distance?: number; // in voxels, negative inside
+  readonly distance?: number; // negative inside; in voxels, with distance=world in shortest edges
   readonly coverage?: number; // 0..1
 }
 

@@ -12,9 +12,13 @@
 #include <string>
 #include <utility>
 
+#include <nlohmann/json.hpp>
+
 #include "proto/client_texts.h"
+#include "proto/container/distance_unit.h"
 #include "proto/container/grid_directory.h"
 #include "proto/container/grid_excerpt.h"
+#include "proto/container/grid_format.h"
 #include "proto/number_text.h"
 #include "proto/output_format.h"
 #include "server/api/resources/job_responses.h"
@@ -76,6 +80,18 @@ Response all_tiles_sent() {
   return response;
 }
 
+// The meta of the tiles from number `after` on, with the unit of their distances.
+Result<std::string> meta_of_tiles(const JobStatus& status, std::span<const uint8_t> container,
+                                  const GridHeader& header, int64_t after) {
+  nlohmann::json meta = {{"job", status.id}, {"first_tile", after}};
+  if (header.channels.distance) {
+    VOXELD_ASSIGN(const GridReader reader, GridReader::open(container));
+    const auto whole = nlohmann::json::parse(reader.header().meta_json, nullptr, false);
+    if (has_world_distances(whole)) meta["options"]["distance"] = whole["options"]["distance"];
+  }
+  return meta.dump();
+}
+
 // The tiles of the file from number `after` of the grid on; nullopt if the file is gone because its
 // job has ended meanwhile.
 Result<std::optional<Response>> send_tiles(const JobStatus& status, const TileFile& tiles,
@@ -88,8 +104,8 @@ Result<std::optional<Response>> send_tiles(const JobStatus& status, const TileFi
   const auto first = static_cast<uint64_t>(after - tiles.first_tile);
   if (first == directory.tile_count() && status.ended()) return std::optional(all_tiles_sent());
   if (first >= directory.tile_count()) return no_such_tile(after, directory.tile_count());
-  const std::string meta =
-      R"({"job":")" + status.id + R"(","first_tile":)" + std::to_string(after) + "}";
+  VOXELD_ASSIGN(const std::string meta,
+                meta_of_tiles(status, file.bytes(), directory.header(), after));
   VOXELD_ASSIGN(GridExcerpt excerpt, excerpt_tiles(file.bytes(), first, kTilesMax, meta));
   Response response;
   response.headers["Content-Type"] = format_media_type(Format::kNative);

@@ -234,9 +234,8 @@ void add_cell_data(VtkDocument& document, const VoxelPieces& voxels, const Outpu
         array_attributes(vtu_type(type.sample), info.name, type.components);
     SparseArray rows(voxels, info.channel, options);
     if (info.kind == ChannelKind::kDistance) {
-      document.add_array(
-          attributes, std::make_unique<CellDistances>(std::move(rows),
-                                                      volume::distance_scale(voxels.grid().spec)));
+      document.add_array(attributes, std::make_unique<CellDistances>(
+                                         std::move(rows), volume::distance_scale(voxels.grid())));
     } else {
       document.add_array(attributes, std::make_unique<SparseArray>(std::move(rows)));
     }

@@ -14,7 +14,7 @@
 //   color            43   R8G8B8A8_SRGB        linear colour; alpha 0 where there is none
 //   normal           38   R8G8B8A8_SNORM       the unit normal; alpha 1 where there is one
 //   material, label  74   R16_UINT             the id, 0: none
-//   distance         100  R32_SFLOAT           world units; voxels if those are no cubes
+//   distance         100  R32_SFLOAT           world units; voxels as in volume_array.h
 //   coverage         9    R8_UNORM             0 to 1
 //
 // KTXorientation is "ruo": x to the right, y up, z towards the viewer. Keys of voxeld: channel,

@@ -13,7 +13,7 @@
 //   color            RGBA of 8 bits, sRGB         alpha 0: no voxel, or one without a colour
 //   normal           RGB of 8 bits                round((n + 1) * 127.5); 0, 0, 0: none
 //   material, label  grey of 16 bits              the id; 0: none
-//   distance         grey of 16 bits              32768 + 128 * voxels: no step is lost
+//   distance         grey of 16 bits              32768 + stored steps: none is lost
 //   coverage         grey of 8 bits               255: all of the voxel
 //
 // `scale` and `offset` of slices.json make values of pixels: value = pixel * scale + offset.
@@ -98,18 +98,20 @@ void to_normal_pixels(std::span<const uint8_t> samples, uint8_t* out) {
   }
 }
 
-// Distances are whole steps, so each product is an integer.
-void to_distance_pixels(std::span<const uint8_t> samples, uint8_t* out) {
+// Distances are whole steps. In world units floats round them by less than half a step.
+void to_distance_pixels(std::span<const uint8_t> samples, double unit, uint8_t* out) {
   for (size_t at = 0; at < samples.size(); at += sizeof(float), out += 2) {
-    float voxels = 0;
-    std::memcpy(&voxels, &samples[at], sizeof voxels);
-    const auto steps = static_cast<int>(voxels * kDistanceSteps);
+    float distance = 0;
+    std::memcpy(&distance, &samples[at], sizeof distance);
+    const auto steps = static_cast<int>(std::lround(distance / unit * kDistanceSteps));
     put_big_endian(out, std::clamp(kZeroDistance + steps, 0, int{UINT16_MAX}));
   }
 }
 
-// Makes pixels of a channel's samples as DenseArray has them, of dtype uint8.
-void to_pixels(std::optional<Channel> channel, std::span<const uint8_t> samples, uint8_t* out) {
+// Makes pixels of a channel's samples as DenseArray has them, of dtype uint8. unit: that of
+// distances, distance_unit().
+void to_pixels(std::optional<Channel> channel, double unit, std::span<const uint8_t> samples,
+               uint8_t* out) {
   if (!channel) return to_full_range(samples, out);
   switch (kind_of(*channel)) {
     case ChannelKind::kVector:
@@ -117,7 +119,7 @@ void to_pixels(std::optional<Channel> channel, std::span<const uint8_t> samples,
     case ChannelKind::kId:
       return swap_bytes_16(samples, out);
     case ChannelKind::kDistance:
-      return to_distance_pixels(samples, out);
+      return to_distance_pixels(samples, unit, out);
     case ChannelKind::kColor:
     case ChannelKind::kFraction:
       std::memcpy(out, samples.data(), samples.size());
@@ -145,6 +147,7 @@ class SliceRows {
  public:
   SliceRows(const Grid& grid, const OutputOptions& options)
       : channel_(options.channel),
+        unit_(distance_unit(grid)),
         array_(grid, options.channel, array_options()),
         nx_(static_cast<size_t>(grid.spec.dims.x)),
         ny_(static_cast<size_t>(grid.spec.dims.y)),
@@ -189,7 +192,7 @@ class SliceRows {
     }
   }
   void to_row(std::span<const uint8_t> samples, uint8_t* pixels) const {
-    to_pixels(channel_, samples, pixels);
+    to_pixels(channel_, unit_, samples, pixels);
   }
 
  private:
@@ -201,6 +204,7 @@ class SliceRows {
   }
 
   std::optional<Channel> channel_;
+  double unit_;  // of distances
   DenseArray array_;
   size_t nx_, ny_, sample_row_bytes_;
 };
@@ -356,7 +360,7 @@ class AtlasImage {
 };
 
 // The factor and the offset from pixels to values, for channels whose pixels are numbers.
-void add_scale(json& members, std::optional<Channel> channel, const GridSpec& spec) {
+void add_scale(json& members, std::optional<Channel> channel, const Grid& grid) {
   double scale = 1.0 / UINT8_MAX, offset = 0;
   switch (channel ? kind_of(*channel) : ChannelKind::kFraction) {
     case ChannelKind::kColor:
@@ -369,9 +373,9 @@ void add_scale(json& members, std::optional<Channel> channel, const GridSpec& sp
       scale = 1;
       break;
     case ChannelKind::kDistance:
-      scale = volume::distance_scale(spec) / kDistanceSteps;
+      scale = volume::stored_distance_scale(grid) / kDistanceSteps;
       offset = -kZeroDistance * scale;
-      members["distance_unit"] = volume::is_cubic(spec) ? "world" : "voxel";
+      members["distance_unit"] = volume::has_world_distances(grid) ? "world" : "voxel";
       break;
     case ChannelKind::kFraction:
       break;
@@ -399,7 +403,7 @@ std::string slices_json(const Grid& grid, const OutputOptions& options) {
                   {"channel", volume::array_name(options.channel)},
                   {"sample_bits", pixel.sample_bits},
                   {"meta", grid.meta.members()}};
-  add_scale(members, options.channel, spec);
+  add_scale(members, options.channel, grid);
   if (options.layout == ArrayLayout::kAtlas) {
     const AtlasLayout layout = atlas_layout(spec);
     members["columns"] = layout.columns;

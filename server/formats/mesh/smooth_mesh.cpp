@@ -58,13 +58,19 @@ Cells cells_around(VoxelLookup& lookup, const Vertex& vertex) {
   return cells;
 }
 
-// Signed values of cells, negative inside, in units that fall by about 1 in a voxel.
+// Signed values of cells, negative inside, in units that fall by about 1 in a voxel along an axis.
 class Field {
  public:
-  explicit Field(Inside inside) : inside_(inside) {}
+  Field(const Grid& grid, Inside inside) : inside_(inside) {
+    if (!grid.meta.has_world_distances()) return;
+    for (size_t axis = 0; axis < edges_.size(); ++axis) {
+      edges_[axis] =
+          static_cast<float>(grid.spec.voxel_size[static_cast<int>(axis)] / distance_unit(grid));
+    }
+  }
 
-  // nullopt: unknown.
-  std::optional<float> at(const std::optional<VoxelLookup::Voxel>& voxel) const {
+  // The value along an axis. nullopt: unknown.
+  std::optional<float> at(const std::optional<VoxelLookup::Voxel>& voxel, size_t axis) const {
     if (!voxel) return std::nullopt;
     const bool is_full = voxel->attribute == kNoAttributes;
     if (inside_ == Inside::kCovered) {
@@ -72,8 +78,9 @@ class Field {
                           ? 1.0F
                           : static_cast<float>(voxel->tile->coverage[voxel->attribute]) / 255.0F);
     }
-    return is_full ? -1.0F
-                   : static_cast<float>(voxel->tile->distance[voxel->attribute]) / kDistanceSteps;
+    if (is_full) return -1.0F;
+    return static_cast<float>(voxel->tile->distance[voxel->attribute]) / kDistanceSteps /
+           edges_[axis];
   }
   // The value of an empty cell beside one inside with this value.
   std::optional<float> empty(float beside) const {
@@ -83,6 +90,7 @@ class Field {
 
  private:
   Inside inside_;
+  std::array<float, 3> edges_ = {1, 1, 1};  // of a voxel, in the unit of stored distances
 };
 
 // Moves a vertex from its lattice point to the mean of the crossings around it.
@@ -90,11 +98,11 @@ void move_to_crossings(const Field& field, const Cells& cells, Vertex& vertex) {
   std::array<float, 3> sum{};
   int crossings = 0;
   for (size_t i = 0; i < cells.size(); ++i) {
-    const auto inside = field.at(cells[i]);
-    if (!inside || !(*inside < 0)) continue;
     for (size_t axis = 0; axis < 3; ++axis) {
+      const auto inside = field.at(cells[i], axis);
+      if (!inside || !(*inside < 0)) continue;
       const size_t other = i ^ (size_t{1} << axis);
-      auto outside = field.at(cells[other]);
+      auto outside = field.at(cells[other], axis);
       if (!cells[other]) outside = field.empty(*inside);
       if (!outside || *outside < 0) continue;
       const float part = std::clamp(*inside / (*inside - *outside), 0.0F, 1.0F);
@@ -115,7 +123,7 @@ Rgba mean_of(const VoxelColors& colors, const Field& field, Inside inside, const
   uint32_t count = 0;
   for (const auto& cell : cells) {
     if (!cell) continue;
-    if (inside != Inside::kOccupied && !(field.at(cell).value_or(0) < 0)) continue;
+    if (inside != Inside::kOccupied && !(field.at(cell, 0).value_or(0) < 0)) continue;
     const Rgba color = colors.of(*cell->tile, cell->attribute);
     for (unsigned c = 0; c < 3; ++c) sum[c] += linear16_from_srgb8()[byte_of(color, c)];
     sum[3] += byte_of(color, 3);
@@ -129,7 +137,7 @@ Rgba mean_of(const VoxelColors& colors, const Field& field, Inside inside, const
 
 void place_vertices(const VoxelBricks& voxels, const VoxelColors& colors, Inside inside,
                     SurfaceMesh& mesh) {
-  const Field field(inside);
+  const Field field(voxels.grid(), inside);
   for_each_piece(mesh.vertices.size(), [&](size_t, size_t begin, size_t end) {
     cancel_point();
     VoxelLookup lookup(voxels);

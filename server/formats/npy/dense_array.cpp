@@ -128,7 +128,7 @@ void DenseArray::fill_segment(const Writer& writer, const Segment& segment, uint
   }
 }
 
-void DenseArray::make_band(float voxels) {
+void DenseArray::make_band(float far) {
   std::vector<float> band(bytes_ / sizeof(float));
   auto* const bytes = reinterpret_cast<uint8_t*>(band.data());
   for (size_t begin = 0; begin < piece_count_; begin += kBandPieces) {
@@ -137,7 +137,7 @@ void DenseArray::make_band(float voxels) {
       fill_(begin + i, {bytes + piece_begin(begin + i), piece_bytes(begin + i)});
     });
   }
-  extend_sign(band, {nz_, ny_, nx_}, voxels);
+  extend_sign(band, {nz_, ny_, nx_}, far);
   band_ = std::move(band);
 }
 

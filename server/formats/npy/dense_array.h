@@ -19,9 +19,9 @@ namespace voxeld {
 // same order of cells, x fastest: C order (z, y, x) or Fortran order (x, y, z). In C order the
 // components of a sample are last and fastest; in Fortran order each component is an array of its
 // own. As float32: occupancy 0 or 1; colour in linear light, 0..1; unit vectors -1..1; fractions
-// 0..1. Ids are integers and distances are float32, in voxels, for every dtype. Cells without
-// attributes, those inside full nodes among them, are 0 (colour with alpha 0); there, a fraction
-// is 1 and a distance continues that of the surface.
+// 0..1. Ids are integers for every dtype. Distances are float32 for every dtype, in voxels or
+// (distance=world) in world units. Cells without attributes, those inside full nodes among them,
+// are 0 (colour with alpha 0); there, a fraction is 1 and a distance continues that of the surface.
 class DenseArray : public ArrayPieces {
  public:
   // Length of a piece but for the last, if a row of bricks is not longer.
@@ -51,7 +51,7 @@ class DenseArray : public ArrayPieces {
   void fill_segment(const Writer& writer, const Segment& segment, uint8_t* out) const;
   template <typename Writer>
   void fill_with(const Writer& writer, size_t piece, std::span<uint8_t> bytes) const;
-  void make_band(float voxels);
+  void make_band(float far);
 
   const Grid& grid_;
   size_t nx_, ny_, nz_;

@@ -92,10 +92,11 @@ template <typename Member>
 struct DistanceWriter {
   static constexpr size_t kCellBytes = sizeof(float);
   Member member;
+  double unit;  // distance_unit() of the grid
   float outside, inside;
 
   void cell(uint8_t* at, const SparseTile& tile, size_t voxel, size_t) const {
-    put(at, static_cast<float>((tile.*member)[voxel]) / static_cast<float>(kDistanceSteps));
+    put(at, static_cast<float>((tile.*member)[voxel] * unit / kDistanceSteps));
   }
   void run(uint8_t* at, size_t cells) const { put_run(at, cells, inside); }
   void background(std::span<uint8_t> bytes) const {
@@ -103,7 +104,7 @@ struct DistanceWriter {
   }
 };
 
-// The largest distance of the grid, in voxels: the value of cells far from the surface.
+// The largest distance of the grid, in distance_unit(): the value of cells far from the surface.
 inline float farthest(const Grid& grid, auto member) {
   int steps = 1;
   for (const SparseTile& tile : grid.tiles) {
@@ -123,8 +124,9 @@ void with_sample_writer(const Grid& grid, std::optional<Channel> channel,
     constexpr const ChannelInfo& kInfo = channel_info(which);
     using Stored = SampleOf<decltype(member)>;
     if constexpr (kInfo.kind == ChannelKind::kDistance) {
-      const float voxels = farthest(grid, member);
-      use(DistanceWriter<decltype(member)>{member, grid.meta.is_band() ? NAN : voxels, -voxels});
+      const double unit = distance_unit(grid);
+      const auto far = static_cast<float>(farthest(grid, member) * unit);
+      use(DistanceWriter<decltype(member)>{member, unit, grid.meta.is_band() ? NAN : far, -far});
     } else {
       const auto choose = [&]<bool as_float>() {
         is_planar ? use(SampleWriter<which(), Stored, as_float, true>{member})

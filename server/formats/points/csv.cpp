@@ -7,7 +7,7 @@
 //   nx,ny,nz     unit normal
 //   material     id, 0: none
 //   label        likewise
-//   distance     in world units, in voxels if those are no cubes
+//   distance     in world units; in voxels if those are no cubes, unless distance=world
 //   coverage     0..1
 //
 // The columns of channels are there if the grid has them. Voxels of full nodes have what sparse
@@ -65,7 +65,8 @@ std::string csv_names(const ChannelSet& channels) {
 // Makes the lines of voxels. A coordinate is one of a few thousand, so its texts are made once.
 class CsvLines {
  public:
-  explicit CsvLines(const Grid& grid) : grid_(grid) {
+  explicit CsvLines(const Grid& grid)
+      : grid_(grid), distance_scale_(volume::stored_distance_scale(grid)) {
     for (size_t axis = 0; axis < kAxisCount; ++axis) {
       const int i = static_cast<int>(axis);
       const int cells = grid.spec.dims[i];
@@ -132,13 +133,14 @@ class CsvLines {
   }
 
   void append_distance(std::string& text, float voxels) const {
-    append_column(text, static_cast<float>(voxels * volume::distance_scale(grid_.spec)));
+    append_column(text, static_cast<float>(voxels * distance_scale_));
   }
 
   using AxisTexts = std::array<std::vector<std::string>, kAxisCount>;
   const Grid& grid_;
+  double distance_scale_;
   AxisTexts cells_, centers_;
-  float deepest_ = 0;  // in voxels
+  float deepest_ = 0;  // in distance_unit()
 };
 
 }  // namespace

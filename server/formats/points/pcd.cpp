@@ -5,7 +5,7 @@
 //   rgb             F 4: the bits of 0x00RRGGBB, sRGB
 //   normal_x _y _z  F 4: unit normal
 //   material label  U 4: id, 0: none
-//   distance        F 4: in world units, in voxels if those are no cubes
+//   distance        F 4: in world units; in voxels if those are no cubes, unless distance=world
 //   coverage        F 4: 0..1
 //
 // The fields of channels are there if the grid has them. Voxels of full nodes have the mean colour,
@@ -82,7 +82,8 @@ class PcdRecords : public ArrayPieces {
         grid_(voxels.grid()),
         record_bytes_(record_bytes),
         is_float_(is_float),
-        mean_(rgb(mean_color(grid_))) {
+        mean_(rgb(mean_color(grid_))),
+        distance_scale_(volume::stored_distance_scale(grid_)) {
     if (grid_.channels.distance) deepest_ = -farthest(grid_, &SparseTile::distance);
   }
 
@@ -161,7 +162,7 @@ class PcdRecords : public ArrayPieces {
   }
 
   uint8_t* put_distance(uint8_t* out, float voxels) const {
-    return put_field(out, static_cast<float>(voxels * volume::distance_scale(grid_.spec)));
+    return put_field(out, static_cast<float>(voxels * distance_scale_));
   }
 
   const VoxelPieces& voxels_;
@@ -169,7 +170,8 @@ class PcdRecords : public ArrayPieces {
   size_t record_bytes_;
   bool is_float_;
   uint32_t mean_;
-  float deepest_ = 0;  // in voxels
+  double distance_scale_;
+  float deepest_ = 0;  // in distance_unit()
 };
 
 }  // namespace

@@ -2,9 +2,10 @@
 // tree_writer.h have the byte maps.
 //
 //   density   float, "fog volume": 1, or the coverage; not in a band without coverage
-//   surface   float, the distance in world units (in voxels if those are no cubes), negative
-//             inside; "level set" in a band and in a solid of cubes. The background is the largest
-//             distance; cells inside that have no voxel are minus that
+//   surface   float, the distance in world units (in voxels if those are no cubes, unless
+//             distance=world), negative inside; "level set" in a band or a solid if the unit is
+//             that of the world. The background is the largest distance; cells inside that have no
+//             voxel are minus that
 //   color     vec3s, "invariant": linear light
 //   alpha     float, if a voxel is not opaque
 //   normal    vec3s, "covariant normalize"
@@ -47,7 +48,7 @@ class DensityValues : public GridValues<float> {
 
 class DistanceValues : public GridValues<float> {
  public:
-  explicit DistanceValues(const Grid& grid) : scale_(volume::distance_scale(grid.spec)) {
+  explicit DistanceValues(const Grid& grid) : scale_(volume::stored_distance_scale(grid)) {
     background = in_world(farthest(grid, &SparseTile::distance));
     inner = -background;
     is_signed = grid.meta.is_band();
@@ -136,7 +137,7 @@ std::string fill_option(const GridMeta& meta) {
 // Only bands and solids tell on which side a cell without a voxel is.
 bool is_level_set(const Grid& grid) {
   const std::string fill = fill_option(grid.meta);
-  return volume::is_cubic(grid.spec) && (fill == "band" || fill == "solid");
+  return volume::has_world_distances(grid) && (fill == "band" || fill == "solid");
 }
 
 // The names of a channel's ids as a JSON object, or empty.

@@ -36,7 +36,7 @@ ArrayType array_type(std::optional<Channel> channel, const OutputOptions& option
 VolumeArray::VolumeArray(const Grid& grid, std::optional<Channel> channel,
                          const OutputOptions& options, Components components)
     : array_(grid, channel, with_axes(options, components)),
-      scale_(is_distance(channel) ? distance_scale(grid.spec) : 1.0) {}
+      scale_(is_distance(channel) ? distance_scale(grid) : 1.0) {}
 
 void VolumeArray::fill(size_t piece, std::span<uint8_t> bytes) const {
   array_.fill(piece, bytes);

@@ -32,7 +32,7 @@ enum class Components { kInterleaved, kPlanar };
 // The samples of occupancy (nullopt) or a channel: x fastest, then y, then z, as DenseArray has
 // them. Types follow the option dtype: occupancy uint8 0 or 1, colour uint8 RGBA in sRGB, normals
 // int8 times 127, coverage uint8 times 255, or all of them float32; ids uint16. Distances are
-// float32 in world units, in voxels if those are no cubes.
+// float32 in world units; in voxels if those are no cubes, unless distance=world.
 class VolumeArray : public ArrayPieces {
  public:
   // The grid outlives the array.

@@ -17,8 +17,17 @@ bool is_cubic(const GridSpec& spec) {
   return std::abs(size.y - size.x) <= allowed && std::abs(size.z - size.x) <= allowed;
 }
 
-double distance_scale(const GridSpec& spec) {
-  return is_cubic(spec) ? spec.voxel_size.x : 1.0;
+bool has_world_distances(const Grid& grid) {
+  return grid.meta.has_world_distances() || is_cubic(grid.spec);
+}
+
+double distance_scale(const Grid& grid) {
+  const bool is_scaled = is_cubic(grid.spec) && !grid.meta.has_world_distances();
+  return is_scaled ? grid.spec.voxel_size.x : 1.0;
+}
+
+double stored_distance_scale(const Grid& grid) {
+  return distance_unit(grid) * distance_scale(grid);
 }
 
 std::string units_of(const Grid& grid) {

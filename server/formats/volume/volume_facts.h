@@ -18,9 +18,12 @@ inline glm::dvec3 first_center(const GridSpec& spec) {
 
 // Whether voxels are cubes, but for rounding.
 bool is_cubic(const GridSpec& spec);
-// The factor from voxels to the unit of stored distances: the edge of a voxel in world units, or 1
-// if voxels are no cubes.
-double distance_scale(const GridSpec& spec);
+// Whether files have distances in world units: with distance=world, and where voxels are cubes.
+// Otherwise they are in voxels.
+bool has_world_distances(const Grid& grid);
+// The factors to that unit: from the distances of NumPy arrays, and from distance_unit().
+double distance_scale(const Grid& grid);
+double stored_distance_scale(const Grid& grid);
 
 // "m", "cm", "mm", "in", "ft", or empty: unknown.
 std::string units_of(const Grid& grid);

@@ -90,7 +90,7 @@ void fill_brick(const Writer& writer, const SparseTile& tile, const ChunkBrick& 
   }
 }
 
-// Distances in voxels become world units.
+// Distances of NumPy arrays become those of volumes.
 void scale_distances(std::span<uint8_t> bytes, double scale) {
   if (scale == 1.0) return;
   for (size_t at = 0; at < bytes.size(); at += sizeof(float)) {
@@ -107,7 +107,7 @@ class ChunkMaker {
       : level_(level),
         far_voxels_(far_voxels),
         options_(options),
-        distance_scale_(volume::distance_scale(level.spec)) {}
+        distance_scale_(volume::distance_scale(level)) {}
 
   // The chunk of a channel as gzip; empty if it has only the fill value.
   std::vector<uint8_t> made(const TileChunk& chunk, std::optional<Channel> channel) const {
@@ -117,7 +117,7 @@ class ChunkMaker {
       bytes.resize(kChunkCells * decltype(writer)::kCellBytes);
       if constexpr (requires { writer.inside; }) {
         is_distance = true;
-        writer.inside = -far_voxels_;
+        writer.inside = -static_cast<float>(far_voxels_ * writer.unit);
         writer.outside = NAN;
       }
       writer.background(bytes);

@@ -212,7 +212,9 @@ static void members(JsonObject o, MaterialSource& to) {
     });
   });
   std::string name, alpha_mode = "OPAQUE";
+  double cutoff = 0.5;
   o.optional("alphaMode", alpha_mode);
+  o.optional("alphaCutoff", cutoff);
   o.optional("name", name);
   o.optional("pbrMetallicRoughness", [&](JsonObject workflow) {
     read_base(workflow, "baseColorFactor", "baseColorTexture", to);
@@ -220,8 +222,8 @@ static void members(JsonObject o, MaterialSource& to) {
   // If a file has both workflows, the older one carries more information.
   if (older) to = *std::move(older);
   to.name = std::move(name);
-  to.is_opaque = alpha_mode != "MASK" && alpha_mode != "BLEND";
-  if (to.is_opaque) to.base_color.a = 1.0f;
+  if (alpha_mode == "MASK") to.alpha_cutoff = cutoff;
+  if (alpha_mode == "BLEND") to.alpha_cutoff.reset();
 }
 
 static void members(JsonObject o, DracoSource& to) {

@@ -96,7 +96,9 @@ struct MaterialSource {
   std::string name;
   glm::vec4 base_color{1.0f};  // linear
   bool base_color_given = false;
-  bool is_opaque = true;  // alphaMode OPAQUE, the default: alpha is ignored
+  // From this alpha on a place is opaque, below it transparent; unset: alphaMode BLEND. OPAQUE, the
+  // default, has 0.
+  std::optional<double> alpha_cutoff = 0.0;
   int texture = -1;
   int tex_coord = 0;  // N of TEXCOORD_N
   TextureTransform transform;

@@ -47,8 +47,9 @@ struct VertexSource {
   std::vector<Target> targets;
   std::vector<Influences> influences;
   size_t joint_count = 0;
-  std::optional<glm::vec4> copy_color;  // of the copy of the mesh that is read
-  bool is_opaque = true;                // colours are without alpha
+  std::optional<glm::vec4> copy_color;       // of the copy of the mesh that is read
+  float base_alpha = 1.0f;                   // of the material
+  std::optional<double> alpha_cutoff = 0.0;  // likewise
   // Indices of the rig's matrices and weights.
   uint32_t node_matrix = 0, first_joint_matrix = 0, first_weight = 0;
 
@@ -106,7 +107,8 @@ class Vertices {
     VOXELD_ASSIGN(source.color, open_attribute(primitive.attributes, "COLOR_0", 3, 4, source));
     if (primitive.material >= 0) {
       const auto& material = document_.materials[primitive.material];
-      source.is_opaque = material.is_opaque;
+      source.base_alpha = material.base_color.a;
+      source.alpha_cutoff = material.alpha_cutoff;
       if (material.texture >= 0) {
         const std::string key = "TEXCOORD_" + std::to_string(material.tex_coord);
         VOXELD_ASSIGN(source.uv, open_attribute(primitive.attributes, key, 2, 2, source));
@@ -161,7 +163,9 @@ class Vertices {
     color = {unit_clamped(color.r), unit_clamped(color.g), unit_clamped(color.b),
              unit_clamped(color.a)};
     if (source.copy_color) color *= *source.copy_color;
-    if (source.is_opaque) color.a = 1.0f;
+    if (source.alpha_cutoff) {
+      color.a = double{color.a} * source.base_alpha >= *source.alpha_cutoff ? 1.0f : 0.0f;
+    }
     return color;
   }
 

@@ -7,6 +7,20 @@
 #include "server/scene/gltf/container.h"
 
 namespace voxeld::gltf {
+namespace {
+
+constexpr int kKeepsAlpha = -1;
+
+// The least alpha of a texel that reaches the cutoff together with the base colour's; 256: none.
+int opaque_texel(const MaterialSource& material) {
+  if (!material.alpha_cutoff) return kKeepsAlpha;
+  int alpha = 0;
+  while (alpha < 256 && alpha * double{material.base_color.a} < 255.0 * *material.alpha_cutoff)
+    ++alpha;
+  return alpha;
+}
+
+}  // namespace
 
 int Textures::use_material(int index) {
   if (index < 0) return -1;
@@ -21,8 +35,12 @@ int Textures::use_material(int index) {
       to.wrap_u = document_.samplers[sampler].wrap_u;
       to.wrap_v = document_.samplers[sampler].wrap_v;
     }
-    to.image = use_texture(from.texture, from.is_opaque,
+    to.image = use_texture(from.texture, opaque_texel(from),
                            from.name.empty() ? at_index("materials", index) : from.name);
+  }
+  if (from.alpha_cutoff) {
+    const bool is_opaque = to.image >= 0 || from.base_color.a >= *from.alpha_cutoff;
+    to.base_color.a = is_opaque ? 1.0f : 0.0f;
   }
   scene_.materials.push_back(std::move(to));
   const int at = static_cast<int>(scene_.materials.size()) - 1;
@@ -30,7 +48,7 @@ int Textures::use_material(int index) {
   return at;
 }
 
-int Textures::use_texture(int index, bool is_opaque, const std::string& needed_by) {
+int Textures::use_texture(int index, int opaque_from, const std::string& needed_by) {
   const Texture& texture = document_.textures[index];
   if (texture.image < 0) {
     const std::string in = texture.unread_format.empty()
@@ -39,12 +57,12 @@ int Textures::use_texture(int index, bool is_opaque, const std::string& needed_b
     return refuse(at_index("textures", index), needed_by, "missing-texture",
                   "has no image in a format that voxeld reads" + in);
   }
-  const auto [found, is_new] = images_.try_emplace({texture.image, is_opaque}, -1);
+  const auto [found, is_new] = images_.try_emplace({texture.image, opaque_from}, -1);
   if (!is_new) return found->second;
   found->second = load_image(texture.image, needed_by);
-  if (is_opaque && found->second >= 0) {
+  if (opaque_from != kKeepsAlpha && found->second >= 0) {
     std::vector<uint8_t>& rgba = scene_.images[found->second].rgba;
-    for (size_t i = 3; i < rgba.size(); i += 4) rgba[i] = 255;
+    for (size_t i = 3; i < rgba.size(); i += 4) rgba[i] = rgba[i] >= opaque_from ? 255 : 0;
   }
   return found->second;
 }

@@ -37,8 +37,9 @@ class Textures {
   int use_material(int material);
 
  private:
-  // `is_opaque`: without the image's alpha.
-  int use_texture(int texture, bool is_opaque, const std::string& needed_by);
+  // Texels whose alpha is at least `opaque_from` become opaque, others transparent; kKeepsAlpha:
+  // none.
+  int use_texture(int texture, int opaque_from, const std::string& needed_by);
   int load_image(int image, const std::string& needed_by);
   // Returns nullopt for an absent file.
   Result<std::optional<std::vector<uint8_t>>> image_bytes(const ImageSource& image);
@@ -51,8 +52,8 @@ class Textures {
   const Bundle& bundle_;
   LoadOptions options_;
   Scene& scene_;
-  std::map<int, int> materials_;                // document index to scene index
-  std::map<std::pair<int, bool>, int> images_;  // likewise; of images with and without alpha
+  std::map<int, int> materials_;               // document index to scene index
+  std::map<std::pair<int, int>, int> images_;  // likewise; of images and opaque_from
   PixelBudget budget_;
   size_t refused_count_ = 0;
 };

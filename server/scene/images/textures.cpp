@@ -1,5 +1,6 @@
 #include "server/scene/images/textures.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "server/base/cancel_point.h"
@@ -24,6 +25,42 @@ bool is_image_name(std::string_view name) {
 int add_image(Scene& scene, Image image) {
   scene.images.push_back(std::move(image));
   return static_cast<int>(scene.images.size()) - 1;
+}
+
+uint8_t channel_of(const uint8_t* texel, char channel) {
+  switch (channel) {
+    case 'r':
+      return texel[0];
+    case 'g':
+      return texel[1];
+    case 'b':
+      return texel[2];
+    case 'm':
+      return texel[3];
+    default:  // luminance, by the weights of ITU-R BT.709
+      return static_cast<uint8_t>((54 * texel[0] + 183 * texel[1] + 19 * texel[2]) >> 8);
+  }
+}
+
+bool is_opaque(const Image& image) {
+  for (size_t i = 3; i < image.rgba.size(); i += 4) {
+    if (image.rgba[i] != 255) return false;
+  }
+  return true;
+}
+
+void set_alpha(const Image& opacity, char channel, Image& image) {
+  if (channel == 0) channel = is_opaque(opacity) ? 'l' : 'm';
+  for (int y = 0; y < image.height; ++y) {
+    cancel_point();
+    const int64_t row = int64_t{y} * opacity.height / image.height;
+    for (int x = 0; x < image.width; ++x) {
+      const int64_t column = int64_t{x} * opacity.width / image.width;
+      const uint8_t* texel = &opacity.rgba[static_cast<size_t>(4 * (row * opacity.width + column))];
+      image.rgba[static_cast<size_t>(4 * (int64_t{y} * image.width + x) + 3)] =
+          channel_of(texel, channel);
+    }
+  }
 }
 
 void add_missing(Scene& scene, const std::string& reference, std::string_view needed_by) {
@@ -51,6 +88,21 @@ int TextureSet::image_index(std::string_view reference, std::string_view needed_
   const int index = load(name, needed_by);
   loaded_.emplace(name, index);
   return index;
+}
+
+int TextureSet::with_opacity(int image, int opacity, char channel, std::string_view needed_by) {
+  if (opacity < 0 || (image == opacity && (channel == 0 || channel == 'm'))) return image;
+  const auto [found, is_new] = with_opacity_.try_emplace({image, opacity, channel}, image);
+  if (!is_new || !options_.decode_images) return found->second;
+  const Image& shown = scene_.images[static_cast<size_t>(image < 0 ? opacity : image)];
+  if (!budget_.take(shown.name, shown.width, shown.height, shown.rgba.size())) {
+    too_many(shown.name, needed_by);
+    return image;
+  }
+  Image made = shown;
+  if (image < 0) std::ranges::fill(made.rgba, uint8_t{255});
+  set_alpha(scene_.images[static_cast<size_t>(opacity)], channel, made);
+  return found->second = add_image(scene_, std::move(made));
 }
 
 int TextureSet::too_many(const std::string& reference, std::string_view needed_by) {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/scene.h"
@@ -26,6 +27,10 @@ class TextureSet {
   // Index into scene.images. A missing or broken image gives -1, a warning ("missing-texture",
   // "broken-texture") and an entry of missing_files. `needed_by` names the material or file.
   int image_index(std::string_view reference, std::string_view needed_by);
+  // Index of a copy of `image` (-1: white) that has the opacity which another one tells by a
+  // channel: r, g, b, m (its alpha) or l (luminance); 0: m, or l if all of it is opaque. Sizes may
+  // differ: each texel takes the one at its place. needed_by as above.
+  int with_opacity(int image, int opacity, char channel, std::string_view needed_by);
 
  private:
   int load(const std::string& reference, std::string_view needed_by);
@@ -37,6 +42,7 @@ class TextureSet {
   LoadOptions options_;
   PixelBudget budget_;
   std::map<std::string, int, std::less<>> loaded_;
+  std::map<std::tuple<int, int, char>, int> with_opacity_;
 };
 
 }  // namespace voxeld

@@ -49,7 +49,11 @@ class MtlReader {
     } else if (keyword == "Tr") {
       material.tr = read_factor(keyword, words);
     } else if (equals_ignoring_case(keyword, "map_Kd")) {
-      read_map(words, material);
+      material.map_kd = read_map(words, material);
+    } else if (equals_ignoring_case(keyword, "map_d")) {
+      MtlMaterial options;
+      material.map_d = read_map(words, options);
+      material.map_d_channel = imfchan_;
     }
   }
 
@@ -80,7 +84,9 @@ class MtlReader {
     return number;
   }
 
-  void read_map(LineCursor words, MtlMaterial& material) {
+  // Reads options into the material; returns the file's name.
+  std::string_view read_map(LineCursor words, MtlMaterial& material) {
+    imfchan_ = 0;
     for (;;) {
       LineCursor ahead = words;
       const std::string_view word = ahead.token();
@@ -88,7 +94,7 @@ class MtlReader {
       words = ahead;
     }
     // The rest is the file's name, which may contain blanks.
-    material.map_kd = words.rest();
+    return words.rest();
   }
 
   // Reads the values of one option. Returns false if the word is not an option.
@@ -113,6 +119,7 @@ class MtlReader {
     std::string_view first, second;
     if (known->value_count > 0) first = words.token();
     if (known->value_count > 1) second = words.token();
+    if (option == "-imfchan" && !first.empty()) imfchan_ = first[0];
     if (option == "-clamp") material.map_clamp = first == "on";
     if (option == "-mm" && (parse_number(first) != 0.0 || parse_number(second) != 1.0)) {
       warn_map(std::string(option) + " " + std::string(first) + " " + std::string(second),
@@ -134,6 +141,7 @@ class MtlReader {
   TextCursor cursor_;
   Scene& scene_;
   std::vector<MtlMaterial> materials_;
+  char imfchan_ = 0;  // of the map that was read last
 };
 
 float alpha_of(const MtlMaterial& mtl, Scene& scene) {

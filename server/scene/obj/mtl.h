@@ -25,6 +25,8 @@ struct MtlMaterial {
   std::optional<double> tr;        // "Tr": 0 is opaque; "d" wins
   std::string map_kd;              // file name as written, including a possible comment; empty:
                                    // none
+  std::string map_d;               // likewise
+  char map_d_channel = 0;          // of map_d's "-imfchan": r, g, b, m or l; 0: none is given
   glm::vec2 map_scale{1.0f};       // "-s"
   glm::vec2 map_offset{0.0f};      // "-o"
   bool map_clamp = false;          // "-clamp on"
@@ -32,7 +34,8 @@ struct MtlMaterial {
 
 // Reads materials in the order of the file. It never fails, because a mesh without its colours is
 // better than none: a broken statement is ignored with the warning "bad-material" in `scene`.
-// Options of map_Kd that would change its colours are ignored with "ignored-map-option".
+// Options of map_Kd that would change its colours are ignored with "ignored-map-option". map_d lies
+// as map_Kd does, whatever its own options are.
 std::vector<MtlMaterial> parse_mtl(std::string_view name, std::string_view text, Scene& scene);
 
 // The Material without its image. base_color is Kd, taken as sRGB and made linear. It is white if

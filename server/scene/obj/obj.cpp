@@ -206,10 +206,15 @@ class ObjLoader {
       material = material_of(*mtl, scene_);
       material.name = material_name;
       if (mtl->kd) scene_.colors_given = true;
+      any_map_ = any_map_ || !mtl->map_kd.empty() || !mtl->map_d.empty();
+      const std::string needed_by = "material " + shown(material_name);
       if (!mtl->map_kd.empty()) {
-        any_map_ = true;
+        material.image = textures_.image_index(texture_name(mtl->map_kd), needed_by);
+      }
+      if (!mtl->map_d.empty()) {
+        const int opacity = textures_.image_index(texture_name(mtl->map_d), needed_by);
         material.image =
-            textures_.image_index(texture_name(mtl->map_kd), "material " + shown(material_name));
+            textures_.with_opacity(material.image, opacity, mtl->map_d_channel, needed_by);
       }
     }
     scene_.materials.push_back(std::move(material));

@@ -107,6 +107,12 @@ uint32_t altitude_word(const std::array<glm::dvec2, 3>& t) {
   return altitude > 0.0 ? static_cast<uint32_t>(std::min(altitude, kAltitudeMax)) : 0u;  // NaN: 0
 }
 
+// Means of colours that are multiplied by alpha are weighted by it.
+glm::dvec4 multiplied(const glm::vec4& color) {
+  const glm::dvec4 straight(color);
+  return {glm::dvec3(straight) * straight.a, straight.a};
+}
+
 bool is_in_one_cell(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
   const glm::ivec3 cell = a >> limits::kSubVoxelBits;
   return (b >> limits::kSubVoxelBits) == cell && (c >> limits::kSubVoxelBits) == cell;
@@ -161,7 +167,7 @@ AttributeRecords::Corner AttributeRecords::file_corner(const MeshPart& part, uin
   } else if (channels_.normal) {
     corner.normal_world = world_from_file_normal_ * glm::dvec3(part.normals[index]);
   }
-  if (!part.colors.empty()) corner.color = glm::dvec4(part.colors[index]);
+  if (!part.colors.empty()) corner.color = multiplied(part.colors[index]);
   if (!part.uvs.empty()) corner.uv = glm::dvec2(part.uvs[index]);
   return corner;
 }
@@ -252,7 +258,7 @@ void AttributeRecords::find_flat_color(uint32_t triangle_index) {
   const MeshPart& part = scene_.parts[triangle.part];
   const Material* material =
       part.material >= 0 ? &scene_.materials[static_cast<size_t>(part.material)] : nullptr;
-  const glm::dvec4 base = material != nullptr ? glm::dvec4(material->base_color) : glm::dvec4(1.0);
+  const glm::dvec4 base = material != nullptr ? multiplied(material->base_color) : glm::dvec4(1.0);
   std::array<FlatCorner, 3> corners;
   const std::array<Corner, 3> of_triangle = corners_of(triangle, {});
   for (size_t i = 0; i < 3; ++i) corners[i] = {of_triangle[i].uv, base * of_triangle[i].color};
@@ -332,7 +338,7 @@ void AttributeRecords::write_colors(const MeshPart& part, const Corner* corners,
                                     uint32_t* words) const {
   glm::dvec4 base(1.0);
   if (part.material >= 0) {
-    base = glm::dvec4(scene_.materials[static_cast<size_t>(part.material)].base_color);
+    base = multiplied(scene_.materials[static_cast<size_t>(part.material)].base_color);
   }
   for (size_t i = 0; i < 3; ++i) {
     glm::dvec4 color = base * corners[i].color;

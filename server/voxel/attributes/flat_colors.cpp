@@ -56,14 +56,15 @@ class TexelAxis {
   bool is_inside_ = false;  // no tap leaves the image, so none wraps
 };
 
-// The bilinear sample in linear light, 65535 for 1.
+// The bilinear sample in linear light, multiplied by alpha, 65535 for 1.
 glm::dvec4 bilinear(const Image& image, const TexelAxis::Pair& x, const TexelAxis::Pair& y) {
   const auto& linear = linear16_from_srgb8();
   const auto width = static_cast<size_t>(image.width);
   const auto texel = [&](int column, int row) {
     const uint8_t* t =
         &image.rgba[4 * (static_cast<size_t>(row) * width + static_cast<size_t>(column))];
-    return glm::dvec4(linear[t[0]], linear[t[1]], linear[t[2]], t[3] * 257);
+    return glm::dvec4(glm::dvec3(linear[t[0]], linear[t[1]], linear[t[2]]) * (t[3] / 255.0),
+                      t[3] * 257);
   };
   const glm::dvec4 top =
       texel(x.first, y.first) * (1.0 - x.fraction) + texel(x.second, y.first) * x.fraction;

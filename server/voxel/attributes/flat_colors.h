@@ -30,15 +30,15 @@ struct FlatColors {
 // standard deviation.
 inline constexpr int kFlatTapsMax = 8;
 
-// A corner's colour in linear light, before the texture, clamped to [0, 1].
+// A corner's colour in linear light, multiplied by its alpha, without the texture, in [0, 1].
 struct FlatCorner {
   glm::dvec2 uv{0.0};
   glm::dvec4 color{1.0};
 };
 
-// The mean of colour times texture over the triangle, as 16 bits per component. It samples the
-// centroids of n^2 equal parts, bilinear at full resolution. `corners` may be in any order.
-// texture: the material's image, or null.
+// The mean of colour times texture over the triangle, multiplied by alpha, as 16 bits per
+// component. It samples the centroids of n^2 equal parts, bilinear at full resolution. `corners`
+// may be in any order. texture: the material's image, or null.
 std::array<uint16_t, 4> mean_color(std::array<FlatCorner, 3> corners, const Material* material,
                                    const Image* texture);
 

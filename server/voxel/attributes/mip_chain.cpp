@@ -44,18 +44,24 @@ void average_rows(int source_width, int source_height, LinearLevel& target, int 
     for (int x = 0; x < target.width; ++x) {
       const Taps columns = taps_of(source_width, target.width, x);
       std::array<uint64_t, 4> sums{};
+      std::array<uint64_t, 3> seen{};  // weighted by alpha
       for (int j = 0; j < rows.count; ++j) {
         for (int i = 0; i < columns.count; ++i) {
           const uint64_t weight =
               rows.weights[static_cast<size_t>(j)] * columns.weights[static_cast<size_t>(i)];
           const Texel value = texel(columns.first + i, rows.first + j);
           for (size_t c = 0; c < 4; ++c) sums[c] += weight * value[c];
+          for (size_t c = 0; c < 3; ++c) seen[c] += weight * value[c] * value[3];
         }
       }
       const uint64_t total = rows.sum * columns.sum;
       Texel& out = target.texels[static_cast<size_t>(y) * static_cast<size_t>(target.width) +
                                  static_cast<size_t>(x)];
       for (size_t c = 0; c < 4; ++c) out[c] = static_cast<uint16_t>((sums[c] + total / 2) / total);
+      const uint64_t alpha = sums[3];
+      for (size_t c = 0; c < 3 && alpha != 0; ++c) {
+        out[c] = static_cast<uint16_t>((seen[c] + alpha / 2) / alpha);
+      }
     }
   }
 }

@@ -18,9 +18,9 @@ int level_count(int width, int height);
 
 // Builds levels first..last (inclusive, < level_count). A texel is the average of the area that it
 // covers in the level before. That is two texels a side; on an odd side it is 2 n + 1 texels over
-// n, three of them weighted by their covered parts. RGB is averaged in 16-bit linear light, without
-// regard to alpha, and rounded to 16 bits. Each level is made from the one before it, then
-// converted to sRGB bytes.
+// n, three of them weighted by their covered parts. RGB is averaged in 16-bit linear light,
+// weighted by alpha too unless all of it is 0, and rounded to 16 bits. Each level is made from the
+// one before it, then converted to sRGB bytes.
 std::vector<MipLevel> build_mip_levels(const Image& image, int first, int last);
 
 }  // namespace voxeld

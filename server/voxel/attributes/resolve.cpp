@@ -11,6 +11,8 @@
 namespace voxeld {
 namespace {
 
+__extension__ using Wide = unsigned __int128;
+
 constexpr size_t kVoxelGrain = 1 << 13;
 
 // Phong 1975, "Illumination for computer generated images". The light is white and directional,
@@ -62,6 +64,10 @@ uint32_t mean16(uint64_t sum, uint64_t weight) {
   return static_cast<uint32_t>((sum + weight / 2) / weight);
 }
 
+uint8_t alpha8(uint32_t alpha16) {
+  return static_cast<uint8_t>((alpha16 + 128u) / 257u);
+}
+
 template <typename Sums>
 Unit mean_normal(const Sums& sums, size_t first, uint64_t weight) {
   std::array<double, 3> v{};
@@ -96,12 +102,12 @@ void resolve_voxel(const Sums& sums, const ResolveOptions& options, size_t voxel
     const auto& srgb8 = srgb8_from_linear16();
     uint8_t* out = &tile.color[4 * voxel];
     const Shade shade = options.shaded ? phong(normal) : Shade{1.0, 0.0};
+    const auto mean = straight_mean({sums[1], sums[2], sums[3], channels.alpha ? sums[4] : 0},
+                                    weight, channels.alpha);
     for (size_t c = 0; c < 3; ++c) {
-      const uint32_t mean = mean16(sums[1 + c], weight);
-      out[c] = options.shaded ? shaded_srgb8(mean, shade) : srgb8[mean];
+      out[c] = options.shaded ? shaded_srgb8(mean[c], shade) : srgb8[mean[c]];
     }
-    out[3] = channels.alpha ? static_cast<uint8_t>((mean16(sums[4], weight) + 128u) / 257u)
-                            : uint8_t{255};
+    out[3] = alpha8(mean[3]);
   }
   if (options.write.coverage) {
     tile.coverage[voxel] = static_cast<uint8_t>(
@@ -116,6 +122,22 @@ void resolve_voxel(const Sums& sums, const ResolveOptions& options, size_t voxel
 }
 
 }  // namespace
+
+std::array<uint32_t, 4> straight_mean(const std::array<uint64_t, 4>& sums, uint64_t weight,
+                                      bool has_alpha) {
+  if (!has_alpha) {
+    return {mean16(sums[0], weight), mean16(sums[1], weight), mean16(sums[2], weight), 65535};
+  }
+  // Alpha is stored, so it decides what is visible: where it is 0, sums may be rounding alone.
+  const uint32_t alpha = mean16(sums[3], weight);
+  if (alpha8(alpha) == 0) return {65535, 65535, 65535, alpha};
+  std::array<uint32_t, 4> mean{0, 0, 0, alpha};
+  for (size_t c = 0; c < 3; ++c) {
+    const Wide straight = (Wide{sums[c]} * 65535 + sums[3] / 2) / sums[3];
+    mean[c] = static_cast<uint32_t>(std::min<Wide>(straight, 65535));
+  }
+  return mean;
+}
 
 void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> carries,
                     const ResolveOptions& options, size_t voxel_first, SparseTile& tile) {

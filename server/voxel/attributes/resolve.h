@@ -2,6 +2,7 @@
 // README.md defines them.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -16,6 +17,11 @@ struct ResolveOptions {
   bool shaded = false;  // bakes Phong shading into the colour; needs channels.normal
   ChannelSet write{};
 };
+
+// The mean colour of sums of R, G, B and, if has_alpha, alpha, which the others are multiplied by:
+// in linear light, 16 bits each, with straight alpha. It is white where alpha is 0 as a byte.
+std::array<uint32_t, 4> straight_mean(const std::array<uint64_t, 4>& sums, uint64_t weight,
+                                      bool has_alpha);
 
 // Writes voxels [voxel_first, …) of `tile`, whose channels have their full size. sums, carries: the
 // lower and upper halves of channels.count() sums per voxel. Empty carries mean that all are 0.

@@ -244,9 +244,10 @@ void CpuAttributes::find_nearest(const TileBin& bin, const Octant& octant, Attri
   const auto& srgb8 = srgb8_from_linear16();
   uint8_t* out = &tile.color[4 * octant.voxel_first];
   for (const NearestColor& point : worker.nearest) {
-    for (size_t c = 0; c < 3; ++c) *out++ = srgb8[point.linear16[c]];
-    *out++ = plan_->channels.has_alpha ? static_cast<uint8_t>((point.linear16[3] + 128u) / 257u)
-                                       : uint8_t{255};
+    const auto& [r, g, b, a] = point.linear16;
+    const auto color = straight_mean({r, g, b, a}, 1, plan_->channels.has_alpha);
+    for (size_t c = 0; c < 3; ++c) *out++ = srgb8[color[c]];
+    *out++ = static_cast<uint8_t>((color[3] + 128u) / 257u);
   }
 }
 

@@ -325,17 +325,20 @@ class Visitor {
     const int y1 = wrap_texel((v >> 8) + 1, level.height, wrap_v);
     const std::array<const uint8_t*, 4> texels = {texel_at(level, x0, y0), texel_at(level, x1, y0),
                                                   texel_at(level, x0, y1), texel_at(level, x1, y1)};
-    const bool is_finer = number + 1 < level_max;
+    const bool is_finer = number < level_max;
     const uint32_t fx = is_finer ? 128 : static_cast<uint32_t>(u & 255);
     const uint32_t fy = is_finer ? 128 : static_cast<uint32_t>(v & 255);
     const std::array<uint32_t, 4> shares = {(256u - fx) * (256u - fy), fx * (256u - fy),
                                             (256u - fx) * fy, fx * fy};
     uvec4 sum(0);
     for (size_t t = 0; t < 4; ++t) {
-      for (int c = 0; c < 3; ++c) sum[c] += linear_[texels[t][c]] * shares[t];
-    }
-    if (target_.channels.alpha) {
-      for (size_t t = 0; t < 4; ++t) sum.w += texels[t][3] * 257u * shares[t];
+      if (!target_.channels.alpha) {
+        for (int c = 0; c < 3; ++c) sum[c] += linear_[texels[t][c]] * shares[t];
+        continue;
+      }
+      const uint32_t alpha = texels[t][3] * 257u;
+      for (int c = 0; c < 3; ++c) sum[c] += product16(linear_[texels[t][c]], alpha) * shares[t];
+      sum.w += alpha * shares[t];
     }
     return sum >> 16u;
   }

@@ -5,6 +5,8 @@
 #include <string>
 #include <utility>
 
+#include "proto/limits.h"
+#include "proto/options/values.h"
 #include "server/base/clock.h"
 #include "server/voxel/pipelines/fallback.h"
 #include "server/voxel/solid/auto_sign.h"
@@ -222,7 +224,8 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   Stopwatch watch;
   std::optional<DistanceMaker> distances;
   if (measures || kind == Fill::kBand) {
-    distances.emplace(mesh, plan.spec.dims, measures ? found : std::vector<SparseTile>(), team_);
+    distances.emplace(mesh, plan.spec.dims, distance_scale(plan.spec, plan.options.distance),
+                      measures ? found : std::vector<SparseTile>(), team_);
     add_stage(stats.passes, "tree", watch.lap());
   }
   if (kind == Fill::kBand) {
@@ -250,6 +253,16 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   VOXELD_TRY(distances->measure(progress, tiles));
   add_stage(stats.passes, "distance", watch.lap());
   return {};
+}
+
+Status check_distance_unit(const GridSpec& spec, DistanceUnit unit) {
+  const glm::dvec3 scale = distance_scale(spec, unit);
+  const double aspect = std::max({scale.x, scale.y, scale.z});
+  if (aspect <= limits::kDistanceAspectMax) return {};
+  return Error{ErrorCode::kInvalidOption,
+               "distance=world: the longest edge of a voxel, divided by the shortest",
+               "at most " + std::to_string(limits::kDistanceAspectMax),
+               option_values::to_text(aspect)};
 }
 
 int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,

@@ -76,6 +76,10 @@ class SolidFiller {
   DeviceInside* device_;
 };
 
+// Checks that a unit of distances suits the voxels. Errors: invalid-option if their edges
+// differ by more than limits::kDistanceAspectMax.
+Status check_distance_unit(const GridSpec& spec, DistanceUnit unit);
+
 // An upper estimate of the bytes that distances and bands need in addition to surface and inside.
 int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
                        const WantedChannels& channels);

@@ -12,6 +12,7 @@
 #include "server/formats/zarr/zarr.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/level.h"
+#include "server/grid/morphology/cut_tiles.h"
 #include "server/grid/region.h"
 #include "server/worker/grids/grid_file.h"
 #include "server/worker/grids/grid_meta.h"
@@ -55,6 +56,7 @@ json remapped_names(const json& labels, const std::vector<LabelChange>& changes)
 }
 
 void add_morphology_facts(const Grid& whole, const OutputOptions& output, json& facts) {
+  if (output.alpha == AlphaRule::kCut) facts["alpha"] = "cut";
   if (output.keep > 0) facts["keep"] = output.keep;
   if (output.dilate > 0) facts["dilate"] = output.dilate;
   if (output.erode > 0) facts["erode"] = output.erode;
@@ -128,6 +130,11 @@ Status write_other(TaskRun& run, const TileSource& source, const TileSource& til
 }  // namespace
 
 Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output) {
+  if (cuts_transparent(output) && std::ranges::any_of(grid.tiles, has_transparent_voxels)) {
+    OutputOptions keeping = output;
+    keeping.alpha = AlphaRule::kKeep;
+    return write_result(run, without_transparent_voxels(grid), keeping);
+  }
   const std::filesystem::path path = next_output(run);
   VOXELD_TRY(write_grid(grid, output, path));
   add_warnings(run, encode_warnings(grid, output));

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "proto/container/distance_unit.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/formats/formats.h"
@@ -63,7 +64,8 @@ std::vector<Warning> unused_options(const RequestOptions& options) {
   return {{"unused-options", "the file's voxels are taken as they are, without " + names}};
 }
 
-// The meta of the grid's container. A container that was uploaded keeps its names and units.
+// The meta of the grid's container. A container that was uploaded keeps its names and units, that
+// of its distances included.
 GridMeta volume_meta(const Task& task, const VolumeInput& input, double threshold,
                      const json& facts) {
   const json& known = input.volume.grid.meta.members();
@@ -74,6 +76,9 @@ GridMeta volume_meta(const Task& task, const VolumeInput& input, double threshol
   const bool has_samples =
       input.format == VolumeFormat::kNpy || input.format == VolumeFormat::kNrrd;
   if (has_samples) meta["options"]["threshold"] = threshold;
+  if (input.volume.grid.channels.distance && has_world_distances(known)) {
+    meta["options"]["distance"] = known["options"]["distance"];
+  }
   for (const char* names : {"materials", "labels"}) {
     if (known.contains(names)) meta[names] = known[names];
   }

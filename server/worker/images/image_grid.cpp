@@ -10,6 +10,7 @@
 #include "server/base/sha256.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/level.h"
+#include "server/grid/morphology/cut_tiles.h"
 #include "server/grid/region.h"
 #include "server/render/camera.h"
 #include "server/render/drawing_cost.h"
@@ -94,10 +95,14 @@ class Finder {
  public:
   Finder(TaskRun& run, const TileSource& source, const std::string& source_key,
          const RequestOptions& options, const ImageLimits& limits)
-      : run_(run), source_(source), source_key_(source_key), options_(options), limits_(limits) {}
+      : run_(run), source_(source), source_key_(source_key), options_(options), limits_(limits) {
+    if (options_.output.alpha == AlphaRule::kAuto) options_.output.alpha = AlphaRule::kCut;
+  }
 
   Result<ImageGrid> find(const std::shared_ptr<const LoadedGrid>& whole) {
-    if (!selects(options_.output)) {
+    OutputOptions whole_output = options_.output;
+    whole_output.alpha = AlphaRule::kKeep;
+    if (!selects(whole_output)) {
       VOXELD_ASSIGN(const auto all, whole_grid(whole));
       if (all != nullptr) return all_of(all);
     }
@@ -126,7 +131,18 @@ class Finder {
   ImageGrid all_of(const std::shared_ptr<const LoadedGrid>& grid) {
     add_meta(run_, grid_facts(*grid));
     tell(0, grid->grid.tiles.size(), grid->grid.voxel_count());
-    return {grid, source_key_, options_.render};
+    if (!cuts_transparent(options_.output) ||
+        std::ranges::none_of(grid->grid.tiles, has_transparent_voxels)) {
+      return {grid, source_key_, options_.render};
+    }
+    InputCache& cache = run_.engine.cache;
+    const std::string key = source_key_ + " cut";
+    if (cache.image == nullptr || cache.image_key != key) {
+      cache.image = std::make_shared<const LoadedGrid>(
+          LoadedGrid{without_transparent_voxels(grid->grid), std::string(), 0});
+      cache.image_key = key;
+    }
+    return {cache.image, key, options_.render};
   }
 
   // All tiles of the region if they fit at the level that is asked for. Else those in view, at the
@@ -222,6 +238,7 @@ class Finder {
     }
     json name = {{"grid", source_key_}, {"tiles", hash.finish_id()}, {"level", level}};
     name["rule"] = static_cast<int>(options_.output.level_rule);
+    name["alpha"] = static_cast<int>(options_.output.alpha);
     if (options_.output.region) name["region"] = *options_.output.region;
     return name.dump();
   }
@@ -241,7 +258,7 @@ class Finder {
   TaskRun& run_;
   const TileSource& source_;
   const std::string& source_key_;
-  const RequestOptions& options_;
+  RequestOptions options_;
   const ImageLimits limits_;
 };
 

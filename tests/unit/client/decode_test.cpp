@@ -120,6 +120,25 @@ TEST(Decode, rows_are_those_of_every_voxel_in_morton_order) {
   EXPECT_LT(inside, count);
 }
 
+TEST(Decode, distances_in_world_units_are_multiples_of_the_shortest_edge) {
+  const ChannelSet channels = {.distance = true};
+  GridHeader header = header_of(channels);
+  const auto tiles = tiles_with_full_nodes(channels);
+  const auto plain = encode_grid(header, tiles).value();
+  header.meta_json = R"({"options":{"distance":"world"}})";
+  const auto bytes = encode_grid(header, tiles).value();
+  const size_t count = info_of(decoded(bytes)).voxel_count;
+  std::vector<float> in_voxels(count), in_world(count);
+  ASSERT_EQ(voxeld_grid_get_channel(decoded(plain).get(), VOXELD_DISTANCE, in_voxels.data()), 1);
+  ASSERT_EQ(voxeld_grid_get_channel(decoded(bytes).get(), VOXELD_DISTANCE, in_world.data()), 1);
+  for (size_t i = 0; i < count; ++i) ASSERT_EQ(in_world[i], in_voxels[i] * 0.125F);
+  const Grid grid = Grid::decode(std::as_bytes(std::span(bytes)));
+  const Grid other = Grid::decode(std::as_bytes(std::span(plain)));
+  grid.for_each([&](const Voxel& voxel) {
+    ASSERT_EQ(voxel.distance, other.voxel(voxel.x, voxel.y, voxel.z)->distance * 0.125F);
+  });
+}
+
 TEST(Decode, marked_cells_are_those_of_grid) {
   const auto bytes = container_of({.color = true});
   std::vector<uint8_t> cells(size_t{512} * 512 * 256);

@@ -238,6 +238,20 @@ TEST(NpyMeasures, distances_are_in_voxels_and_coverage_is_uint8_or_0_to_1) {
   EXPECT_EQ(floats.as<float>()[floats.at({15, 9, 8})], 1.0f);
 }
 
+TEST(NpyMeasures, distances_in_world_units_are_multiples_of_the_shortest_edge) {
+  test::TestVoxel voxel{.cell = {1, 2, 3}};
+  voxel.distance = -192;
+  Grid grid = test::grid_of({16, 16, 16}, {voxel}, {.distance = true});
+  grid.spec.voxel_size = {0.5, 3, 0.25};
+  grid.meta = GridMeta::parse(R"({"options":{"distance":"world"}})");
+  grid.tiles[0].full = {{morton_encode(1, 1, 1), 0}};
+  const auto distance = test::read_npy(
+      test::npy_of(grid, Channel::kDistance, options_of(DType::kUint8, AxisOrder::kZyx)));
+  EXPECT_EQ(distance.as<float>()[distance.at({3, 2, 1})], -0.375f);
+  EXPECT_EQ(distance.as<float>()[distance.at({8, 9, 15})], -0.375f) << "of a full node";
+  EXPECT_EQ(distance.as<float>()[distance.at({0, 0, 0})], 0.375f) << "of an empty cell";
+}
+
 TEST(NpyArrays, of_numbers_and_of_text) {
   const double numbers[] = {1.5, -2, 1e300};
   const auto doubles = test::read_npy(npy_doubles(numbers));

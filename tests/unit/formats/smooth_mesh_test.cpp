@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "tests/unit/formats/sample_grid.h"
@@ -110,6 +111,38 @@ TEST(SmoothMesh, of_a_solid_with_distances_is_where_they_are_zero) {
   const Grid solid =
       ball_of({.distance = true}, "solid", [](double distance) { return distance < 0.8; });
   expect_ball(smooth(solid), 0.05, 0.99);
+}
+
+TEST(SmoothMesh, in_world_units_is_where_they_are_zero_though_voxels_are_no_cubes) {
+  constexpr double kHeight = 2;  // of a voxel; its other edges are 1
+  const auto world_distance = [](double x, double y, double z) {
+    return std::hypot(x - kCentre, y - kCentre, kHeight * z - kCentre) - kRadius;
+  };
+  for (const auto& [fill, least, most] :
+       {std::tuple{"band", -4.0, 4.0}, std::tuple{"solid", -100.0, 1.6}}) {
+    std::vector<test::TestVoxel> voxels;
+    for (int z = 0; z < 22; ++z) {
+      for (int y = 0; y < 44; ++y) {
+        for (int x = 0; x < 44; ++x) {
+          const double distance = world_distance(x + 0.5, y + 0.5, z + 0.5);
+          if (distance < least || distance > most) continue;
+          test::TestVoxel voxel{{x, y, z}};
+          voxel.distance = static_cast<int16_t>(std::lround(distance * kDistanceSteps));
+          voxels.push_back(voxel);
+        }
+      }
+    }
+    Grid grid = test::grid_of({44, 44, 22}, voxels, {.distance = true});
+    grid.spec.voxel_size = {1, 1, kHeight};
+    grid.meta = GridMeta::parse(R"({"options":{"distance":"world","fill":")" + std::string(fill) +
+                                R"("}})");
+    const SurfaceMesh mesh = smooth(grid);
+    ASSERT_GT(mesh.vertices.size(), 1000U);
+    for (const Vertex& vertex : mesh.vertices.span()) {
+      const auto& [x, y, z] = vertex.p_grid;
+      ASSERT_NEAR(world_distance(x, y, z), 0, 0.15) << fill;
+    }
+  }
 }
 
 TEST(SmoothMesh, of_a_solid_with_coverage_is_where_half_of_a_voxel_is_covered) {

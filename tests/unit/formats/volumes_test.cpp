@@ -154,6 +154,21 @@ TEST(Volumes, a_band_is_a_signed_distance_in_world_units) {
   }
 }
 
+TEST(Volumes, distances_in_world_units_are_those_of_npy_whatever_the_voxels) {
+  for (const glm::dvec3& size : {glm::dvec3(2), glm::dvec3(0.5, 0.25, 0.125)}) {
+    Grid grid = every_channel(size);
+    grid.meta = GridMeta::parse(R"({"options":{"distance":"world"}})");
+    for (const Format format : kOneArray) {
+      OutputOptions options = to(format);
+      options.channel = Channel::kDistance;
+      const Bytes bytes = read_one_array(format, encoded(grid, options));
+      options.axes = AxisOrder::kZyx;
+      EXPECT_TRUE(bytes == test::read_npy(test::npy_of(grid, Channel::kDistance, options)).data)
+          << format_name(format);
+    }
+  }
+}
+
 TEST(Volumes, a_channel_that_the_grid_lacks_is_refused_with_those_it_has) {
   const Grid grid = test::random_grid(1, {9, 8, 7}, 20, true, true);
   for (const Format format : kOneArray) {
@@ -449,6 +464,9 @@ TEST(LostData, each_format_warns_of_what_it_does_not_hold) {
   grid.spec.voxel_size = {0.5, 0.25, 0.125};
   grid.spec.origin_world.z = 1e10;
   EXPECT_EQ(warned(grid, to(Format::kVti)), "distance-in-voxels");
+  Grid in_world = grid;
+  in_world.meta = grid.meta.with({{"options", {{"distance", "world"}}}});
+  EXPECT_EQ(warned(in_world, to(Format::kVti)), "");
   EXPECT_EQ(warned(grid, to(Format::kNii)), "lost-channels lost-precision");
   EXPECT_EQ(warned(grid, to(Format::kBinvox)), "lost-channels lost-units not-cubes");
 

@@ -77,6 +77,7 @@ TEST(GridMeta, members_of_another_type_count_as_absent) {
   EXPECT_FALSE(meta.is_band());
   for (const char* text : {"", "[1]", "null", "{", "{\"options\":3}"}) {
     EXPECT_FALSE(GridMeta::parse(text).is_band()) << text;
+    EXPECT_FALSE(GridMeta::parse(text).has_world_distances()) << text;
   }
   EXPECT_EQ(GridMeta::parse("[1]").text(), "{}");
 }
@@ -92,6 +93,15 @@ TEST(GridMeta, typed_members_are_those_of_the_text_and_others_are_carried) {
   const GridMeta more = meta.with({{"content_hash", "sha256-b"}});
   EXPECT_EQ(more.content_hash(), "sha256-b");
   EXPECT_EQ(meta.content_hash(), "sha256-a") << "the first one is as it was";
+}
+
+TEST(Grid, distances_are_in_voxels_or_in_shortest_edges) {
+  Grid grid = random_grid(4);
+  EXPECT_EQ(distance_unit(grid), 1.0);
+  grid.meta = GridMeta::parse(R"({"options":{"distance":"world"}})");
+  EXPECT_EQ(distance_unit(grid), 0.1);
+  grid.meta = GridMeta::parse(R"({"options":{"distance":["world"]}})");
+  EXPECT_EQ(distance_unit(grid), 1.0);
 }
 
 }  // namespace

@@ -40,6 +40,17 @@ TEST(Mtl, options_of_maps_are_read_or_skipped) {
   EXPECT_TRUE(m.map_clamp);
 }
 
+TEST(Mtl, maps_of_opacity_name_a_file_and_a_channel) {
+  const MtlMaterial plain = parse_one("map_d holes.png\nmap_Kd -imfchan r a.png\n");
+  EXPECT_EQ(plain.map_d, "holes.png");
+  EXPECT_EQ(plain.map_d_channel, 0);
+  EXPECT_EQ(plain.map_kd, "a.png");
+  const MtlMaterial matte = parse_one("MAP_D -s 2 2 2 -imfchan m my holes.png\n");
+  EXPECT_EQ(matte.map_d, "my holes.png");
+  EXPECT_EQ(matte.map_d_channel, 'm');
+  EXPECT_EQ(matte.map_scale, glm::vec2(1.0f));
+}
+
 TEST(Mtl, options_of_colour_spaces_are_read_and_those_that_change_colours_are_reported) {
   Scene scene;
   EXPECT_EQ(parse_one("map_Kd -colorspace sRGB -s nan 2 a.png\n", &scene).map_kd, "a.png");

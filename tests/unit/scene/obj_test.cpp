@@ -358,6 +358,49 @@ TEST(Obj, materials_give_colour_and_texture) {
   EXPECT_TRUE(scene->has_colors());
 }
 
+// A TGA of 32 bits a pixel, top row first.
+std::string tga_of(int width, int height, std::initializer_list<std::array<uint8_t, 4>> rgba) {
+  std::string bytes{0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+  for (const int byte : {width, 0, height, 0, 32, 0x28}) bytes += static_cast<char>(byte);
+  for (const auto& [r, g, b, a] : rgba) {
+    for (const uint8_t byte : {b, g, r, a}) bytes += static_cast<char>(byte);
+  }
+  return bytes;
+}
+
+TEST(Obj, maps_of_opacity_become_the_textures_alpha) {
+  MapBundle bundle;
+  bundle.add("a.mtl",
+             "newmtl leaf\nmap_Kd skin.tga\nmap_d holes.tga\n"
+             "newmtl same\nmap_Kd holes.tga\nmap_d holes.tga\n"
+             "newmtl grey\nmap_Kd skin.tga\nmap_d grey.tga\n"
+             "newmtl red\nmap_Kd skin.tga\nmap_d -imfchan r grey.tga\n"
+             "newmtl alone\nmap_d holes.tga\n"
+             "newmtl gone\nmap_Kd skin.tga\nmap_d gone.tga\n");
+  bundle.add("skin.tga",
+             tga_of(2, 2, {{1, 2, 3, 255}, {4, 5, 6, 255}, {7, 8, 9, 255}, {1, 1, 1, 255}}));
+  bundle.add("holes.tga", tga_of(1, 2, {{9, 9, 9, 0}, {9, 9, 9, 200}}));
+  bundle.add("grey.tga", tga_of(2, 1, {{90, 90, 90, 255}, {255, 0, 0, 255}}));
+  std::string text = std::string("mtllib a.mtl\n") + kSquare + "vt 1 1\n";
+  for (const char* name : {"leaf", "same", "grey", "red", "alone", "gone"}) {
+    text += "usemtl " + std::string(name) + "\nf 1/1 2/1 3/1\n";
+  }
+  const auto scene = load_obj("a.obj", test::bytes_of(text), bundle, {});
+  ASSERT_TRUE(scene) << scene.error().message();
+  const auto texels = [&](size_t material) {
+    return scene->images.at(static_cast<size_t>(scene->materials.at(material).image)).rgba;
+  };
+  using Bytes = std::vector<uint8_t>;
+  EXPECT_EQ(texels(0), (Bytes{1, 2, 3, 0, 4, 5, 6, 0, 7, 8, 9, 200, 1, 1, 1, 200}));
+  EXPECT_EQ(texels(1), (Bytes{9, 9, 9, 0, 9, 9, 9, 200}));
+  EXPECT_EQ(texels(2), (Bytes{1, 2, 3, 90, 4, 5, 6, 53, 7, 8, 9, 90, 1, 1, 1, 53}));
+  EXPECT_EQ(texels(3), (Bytes{1, 2, 3, 90, 4, 5, 6, 255, 7, 8, 9, 90, 1, 1, 1, 255}));
+  EXPECT_EQ(texels(4), (Bytes{255, 255, 255, 0, 255, 255, 255, 200}));
+  EXPECT_EQ(texels(5), (Bytes{1, 2, 3, 255, 4, 5, 6, 255, 7, 8, 9, 255, 1, 1, 1, 255}));
+  ASSERT_EQ(scene->missing_files.size(), 1u);
+  EXPECT_EQ(scene->missing_files[0].name, "gone.tga");
+}
+
 TEST(Obj, one_line_may_name_several_material_files) {
   MapBundle bundle;
   bundle.add("a.mtl", "newmtl a\nKd 1 0 0\n");

@@ -119,7 +119,7 @@ TEST(GltfMaterials, images_come_from_files_views_and_data_uris) {
   }
 }
 
-TEST(GltfMaterials, opaque_materials_ignore_alpha) {
+TEST(GltfMaterials, alpha_is_ignored_cut_off_or_kept) {
   FakeBundle bundle;
   bundle.files["a.tga"] = {0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 32, 8, 30, 20, 10, 64};
   for (const char* mode : {"", "OPAQUE", "MASK", "BLEND"}) {
@@ -129,12 +129,38 @@ TEST(GltfMaterials, opaque_materials_ignore_alpha) {
     if (*mode != 0) builder.json["materials"][0]["alphaMode"] = mode;
     builder.attributes()["COLOR_0"] =
         builder.add_floats({1, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0}, "VEC4");
-    const bool is_opaque = *mode == 0 || *mode == 'O';
+    const bool is_blended = *mode == 'B', is_masked = *mode == 'M';
     const auto scene = builder.load(&bundle);
     ASSERT_EQ(outcome(scene), "ok");
-    EXPECT_EQ(scene->materials.at(0).base_color.a, is_opaque ? 1.0f : 0.5f);
-    EXPECT_EQ(scene->parts.at(0).colors.at(0).a, is_opaque ? 1.0f : 0.0f);
-    EXPECT_THAT(scene->images.at(0).rgba, ElementsAre(10, 20, 30, is_opaque ? 255 : 64));
+    EXPECT_EQ(scene->materials.at(0).base_color.a, is_blended ? 0.5f : 1.0f);
+    EXPECT_EQ(scene->parts.at(0).colors.at(0).a, is_blended || is_masked ? 0.0f : 1.0f);
+    const int alpha = is_blended ? 64 : is_masked ? 0 : 255;
+    EXPECT_THAT(scene->images.at(0).rgba, ElementsAre(10, 20, 30, alpha));
+  }
+}
+
+TEST(GltfMaterials, the_cutoff_is_compared_with_texel_times_base_colour) {
+  FakeBundle bundle;  // alpha 64 of 255
+  bundle.files["a.tga"] = {0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 32, 8, 30, 20, 10, 64};
+  for (const auto& [cutoff, base, alpha] : {std::tuple{0.25, 1.0, 255},
+                                            {0.26, 1.0, 0},
+                                            {0.25, 0.5, 0},
+                                            {0.125, 0.5, 255},
+                                            {0.0, 0.0, 255},
+                                            {1.5, 1.0, 0}}) {
+    GltfBuilder builder = textured({{"uri", "a.tga"}});
+    Json& material = builder.json["materials"][0];
+    material["alphaMode"] = "MASK";
+    material["alphaCutoff"] = cutoff;
+    material["pbrMetallicRoughness"]["baseColorFactor"] = {1, 1, 1, base};
+    const auto scene = builder.load(&bundle);
+    ASSERT_EQ(outcome(scene), "ok");
+    EXPECT_THAT(scene->images.at(0).rgba, ElementsAre(10, 20, 30, alpha)) << cutoff << ' ' << base;
+    EXPECT_EQ(scene->materials.at(0).base_color.a, 1.0f);
+    builder.json["materials"][0]["pbrMetallicRoughness"].erase("baseColorTexture");
+    const auto plain = builder.load(&bundle);
+    ASSERT_EQ(outcome(plain), "ok");
+    EXPECT_EQ(plain->materials.at(0).base_color.a, base >= cutoff ? 1.0f : 0.0f);
   }
 }
 

@@ -38,14 +38,14 @@ TEST(FlatColors, without_a_texture_it_is_the_mean_of_the_corners) {
   EXPECT_EQ(mean_color(corners, nullptr, nullptr), (Linear{32768, 32768, 21845, 49151}));
 }
 
-TEST(FlatColors, an_even_texture_is_unchanged_under_any_triangle) {
+TEST(FlatColors, an_even_texture_is_multiplied_by_its_alpha_under_any_triangle) {
   const Image image = plain_image(37, 20, {255, 0, 255, 51});
   for (const Wrap wrap : {Wrap::kRepeat, Wrap::kClamp, Wrap::kMirror}) {
     Material material;
     material.wrap_u = material.wrap_v = wrap;
     for (const double scale : {0.0, 0.01, 1.0, 90.0, 1e30}) {
       const auto corners = corners_at({-scale, 0.1}, {scale, 0.4 * scale}, {0.3, -scale});
-      EXPECT_EQ(mean_color(corners, &material, &image), (Linear{65535, 0, 65535, 13107}));
+      EXPECT_EQ(mean_color(corners, &material, &image), (Linear{13107, 0, 13107, 13107}));
     }
   }
 }

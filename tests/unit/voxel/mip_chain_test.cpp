@@ -46,8 +46,18 @@ TEST(MipChain, an_even_colour_is_unchanged) {
 }
 
 TEST(MipChain, averages_light_not_bytes) {
-  const auto levels = build_mip_levels(image_of(2, 1, {0, 0, 0, 0, 255, 255, 255, 255}), 1, 1);
-  EXPECT_EQ(levels[0].rgba, (std::vector<uint8_t>{188, 188, 188, 128}));
+  const auto levels = build_mip_levels(image_of(2, 1, {0, 0, 0, 255, 255, 255, 255, 255}), 1, 1);
+  EXPECT_EQ(levels[0].rgba, (std::vector<uint8_t>{188, 188, 188, 255}));
+}
+
+TEST(MipChain, weighs_colours_by_alpha_unless_all_are_transparent) {
+  EXPECT_EQ(build_mip_levels(image_of(2, 1, {0, 0, 0, 0, 9, 200, 3, 255}), 1, 1)[0].rgba,
+            (std::vector<uint8_t>{9, 200, 3, 128}));
+  // Three quarters of white: linear 0.75 is sRGB 225.
+  EXPECT_EQ(build_mip_levels(image_of(2, 1, {0, 0, 0, 30, 255, 255, 255, 90}), 1, 1)[0].rgba,
+            (std::vector<uint8_t>{225, 225, 225, 60}));
+  EXPECT_EQ(build_mip_levels(image_of(2, 1, {0, 0, 0, 0, 255, 255, 255, 0}), 1, 1)[0].rgba,
+            (std::vector<uint8_t>{188, 188, 188, 0}));
 }
 
 TEST(MipChain, odd_sides_weigh_texels_by_the_part_that_is_covered) {

@@ -15,8 +15,8 @@ SparseTile tile_for(size_t voxels) {
 }
 
 TEST(Resolve, rounds_means_and_writes_after_the_first_voxel) {
-  // weight, r, g, b, a, x, y, z: +x, half white.
-  const std::vector<uint32_t> sums = {2, 65535, 0, 131070, 65535, 131070, 65536, 65536};
+  // weight, r, g, b, a, x, y, z: +x, half opaque; of what is seen, half red and all blue.
+  const std::vector<uint32_t> sums = {2, 32768, 0, 65535, 65535, 131070, 65536, 65536};
   SparseTile tile = tile_for(2);
   resolve_voxels(sums, {}, {kAll, false, {.color = true, .normal = true}}, 1, tile);
   EXPECT_EQ(tile.color, (std::vector<uint8_t>{0, 0, 0, 0, 188, 0, 255, 128}));
@@ -39,6 +39,13 @@ TEST(Resolve, normals_that_cancel_are_zero) {
   SparseTile tile = tile_for(1);
   resolve_voxels(sums, {}, {kAll, false, {.color = true, .normal = true}}, 0, tile);
   EXPECT_EQ(tile.normal, (std::vector<int8_t>{0, 0, 0}));
+}
+
+TEST(Resolve, what_is_not_seen_is_white) {
+  const std::vector<uint32_t> sums = {4, 0, 0, 0, 0, 4, 1, 0, 0, 4 * 128};
+  SparseTile tile = tile_for(2);
+  resolve_voxels(sums, {}, {{true, true, false}, false, {.color = true}}, 0, tile);
+  EXPECT_EQ(tile.color, (std::vector<uint8_t>{255, 255, 255, 0, 255, 255, 255, 0}));
 }
 
 TEST(Resolve, without_alpha_voxels_are_opaque) {

@@ -39,7 +39,7 @@ std::vector<int> grid_sizes() {
 #endif
 }
 
-// Differences of bytes of red, green and blue.
+// Differences of bytes of red, green and blue, or of alpha.
 struct ColorError {
   double mean = 0, p95 = 0;
   size_t voxels = 0;
@@ -76,7 +76,8 @@ reference::Edge edge_of(Wrap wrap) {
   return wrap == Wrap::kRepeat ? reference::Edge::kRepeat : reference::Edge::kMirror;
 }
 
-// Base colour, vertex colour and texture at a point of triangle t.
+// Base colour, vertex colour and texture at a point of triangle t, multiplied by alpha. Vertex and
+// base colours are opaque.
 std::array<double, 4> surface_color(const Scene& scene, const Surface& surface, size_t t,
                                     const std::array<double, 3>& bary) {
   const auto& [part, first] = surface.sources[t];
@@ -108,7 +109,9 @@ constexpr double kAreaMin = 1.0 / 16;
 // Samples of the oracle along a voxel's side.
 constexpr double kSamplesPerVoxel = 12;
 
-ColorError color_error(const Scene& scene, int size) {
+enum class Component { kColor, kAlpha };
+
+ColorError color_error(const Scene& scene, int size, Component component) {
   VoxelizeOptions options;
   options.placement.size = size;
   options.color = ColorMode::kAverage;
@@ -128,19 +131,26 @@ ColorError color_error(const Scene& scene, int size) {
       },
       kSamplesPerVoxel);
   std::vector<double> differences;
+  // Where next to nothing is seen, its colour does not matter.
+  constexpr double kAlphaMin = 1.0 / 16;
   for (const SparseTile& tile : grid->tiles) {
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
       const auto it = expected.find(
           static_cast<size_t>(x + int64_t{spec.dims.x} * (y + int64_t{spec.dims.y} * z)));
       if (it == expected.end() || it->second.area < kAreaMin) return;
-      for (size_t c = 0; c < 3; ++c) {
-        const double want = 255 * reference::srgb_from_linear(it->second.linear_rgba[c]);
+      const auto& linear = it->second.linear_rgba;
+      if (component == Component::kAlpha) {
+        differences.push_back(std::abs(255 * linear[3] - tile.color[4 * voxel + 3]));
+        return;
+      }
+      for (size_t c = 0; c < 3 && linear[3] >= kAlphaMin; ++c) {
+        const double want = 255 * reference::srgb_from_linear(linear[c] / linear[3]);
         differences.push_back(std::abs(want - tile.color[4 * voxel + c]));
       }
     });
   }
   ColorError error;
-  error.voxels = differences.size() / 3;
+  error.voxels = differences.size() / (component == Component::kColor ? 3 : 1);
   if (differences.empty()) return error;
   std::ranges::sort(differences);
   for (const double difference : differences) error.mean += difference;
@@ -158,6 +168,7 @@ struct AtlasShape {
   int quads = 1;                     // along a chart's side
   int texels = 20, gutter = 4;       // of a chart; black texels between two
   bool patterned = false;            // stripes over the charts' colours
+  int hole = 0;                      // a chessboard of this side: black and transparent fields
 };
 
 // A ball whose surface is cut into charts, in random order in the atlas.
@@ -189,7 +200,11 @@ Scene atlas_ball(const AtlasShape& shape) {
                                           static_cast<size_t>(left + x))];
         const uint32_t shade =
             shape.patterned ? 4 - static_cast<uint32_t>(x * 3 / shape.texels) : 4;
-        for (size_t c = 0; c < 3; ++c) texel[c] = static_cast<uint8_t>(color[c] * shade / 4);
+        const bool is_hole = shape.hole > 0 && (x / shape.hole + y / shape.hole) % 2 == 0;
+        if (is_hole) texel[3] = 0;
+        for (size_t c = 0; c < 3 && !is_hole; ++c) {
+          texel[c] = static_cast<uint8_t>(color[c] * shade / 4);
+        }
       }
     }
     // Half a texel inside, as atlases are made: bilinear sampling stays within the chart.
@@ -221,7 +236,7 @@ Scene atlas_ball(const AtlasShape& shape) {
 
 void expect_close(const Scene& scene, const std::string& name) {
   for (const int size : grid_sizes()) {
-    const ColorError error = color_error(scene, size);
+    const ColorError error = color_error(scene, size, Component::kColor);
     ASSERT_GT(error.voxels, 100u);
     EXPECT_LE(error.mean, kMeanMax) << name << ", size " << size;
     EXPECT_LE(error.p95, kP95Max) << name << ", size " << size;
@@ -244,6 +259,16 @@ TEST(AtlasColor, charts_of_many_texels_keep_their_colours) {
 TEST(AtlasColor, charts_of_a_texel_or_two_to_a_triangle_keep_their_colours) {
   const AtlasShape shape{.charts_u = 12, .charts_v = 6, .quads = 4, .texels = 6, .patterned = true};
   expect_close(atlas_ball(shape), "few texels");
+}
+
+TEST(AtlasColor, transparent_texels_have_no_share_in_colours_and_all_of_their_share_in_alpha) {
+  for (const Scene& scene : {atlas_ball({.hole = 1}), atlas_ball({.quads = 8, .hole = 3})}) {
+    expect_close(scene, "holes");
+    // A voxel is as large as 8 texels, or 3.
+    for (const auto& [size, mean_max] : {std::pair{16, 8.0}, {48, 16.0}}) {
+      EXPECT_LE(color_error(scene, size, Component::kAlpha).mean, mean_max) << "size " << size;
+    }
+  }
 }
 
 // A square of quads^2 quads with a red chart in a green image.

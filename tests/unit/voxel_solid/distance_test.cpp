@@ -247,6 +247,42 @@ TEST(Distance, distances_beyond_16_bits_are_clamped) {
             std::vector<int16_t>{32767});
 }
 
+TEST(Distance, in_stretched_space_is_the_oracles_also_of_triangles_without_area) {
+  for (const glm::dvec3& edges :
+       {glm::dvec3(1, 2.5, 7.1), glm::dvec3(1.75, 1, 1), glm::dvec3(256, 1, 30)}) {
+    const Corners corners = corner_soup(40, 12);
+    Corners turned;
+    for (size_t t = corners.size() / 3; t-- > 0;) {
+      for (const size_t i : {2, 0, 1}) turned.push_back(corners[3 * t + i]);
+    }
+    TriangleTree tree(FillMesh::of(corners, 8)), other(FillMesh::of(turned, 8));
+    tree.set_scale(edges);
+    other.set_scale(edges);
+    SparseTile tile;
+    std::mt19937_64 random(13);
+    for (uint32_t brick = 0; brick < 80; ++brick) {
+      tile.brick_morton.push_back(brick);
+      tile.masks.push_back(BrickMask{{random() & random(), 0, random() & random(), 1}});
+    }
+    const glm::ivec3 dims(256);
+    const BrickIndex nothing({}, dims);
+    ThreadTeam team(3), alone(1);
+    const auto distances = distances_of_tile({tree, dims, nothing}, tile, team);
+    ASSERT_EQ(distances.size(), tile.attribute_count());
+    EXPECT_EQ(distances, distances_of_tile({other, dims, nothing}, tile, alone));
+    const auto triangles = oracle_triangles(corners);
+    size_t near = 0;
+    for_each_voxel(tile, [&](int x, int y, int z, size_t i) {
+      const long double exact =
+          reference::surface_distance(triangles, {x, y, z}, {edges.x, edges.y, edges.z}) / 4;
+      near += exact < 32767 ? 1 : 0;
+      ASSERT_LE(std::abs(distances[i] - std::min(exact, 32767.0L)), 0.5L + 1e-6L)
+          << x << " " << y << " " << z;
+    });
+    EXPECT_GT(near, 200u);
+  }
+}
+
 VoxelizeOptions band_options(double thickness, int size) {
   VoxelizeOptions options;
   options.placement.size = size;
@@ -354,6 +390,71 @@ TEST(SignedDistance, is_the_oracles_distance_and_sign_by_every_fill) {
       ASSERT_LE(std::abs(std::abs(got) - steps), 0.5L + 1e-6L);
     }
   }
+}
+
+TEST(WorldDistance, is_the_oracles_in_voxels_that_are_no_cubes_and_the_voxels_are_the_same) {
+  const Scene scene = wavy_sphere(2);
+  VoxelizeOptions options = band_options(2, 24);
+  options.placement.size.reset();
+  options.placement.voxel_size = {0.1, 0.3, 0.12};
+  options.sign = Sign::kParity;
+  options.channels = ChannelSet{.distance = true};
+  for (const Fill fill : {Fill::kBand, Fill::kSurface, Fill::kSolid, Fill::kShell}) {
+    options.fill = fill;
+    options.distance = DistanceUnit::kVoxels;
+    const Grid in_voxels = voxelized(scene, options);
+    options.distance = DistanceUnit::kWorld;
+    const Grid grid = voxelized(scene, options);
+    EXPECT_EQ(differences(cells_of(grid), cells_of(in_voxels)), 0u);
+    EXPECT_FALSE(grid.tiles == in_voxels.tiles);
+    const OracleGrid place = oracle_grid(grid);
+    const auto snapped = reference::snap_triangles(triangles_of(scene), place);
+    const Occupancy inside = reference::parity_cells(snapped, place, 2);
+    const auto all = distances_of(grid);
+    EXPECT_GT(all.size(), 300u);
+    for (const auto& [cell, got] : all) {
+      // In world units, then in 1/128 of the shortest edge.
+      const long double world = reference::surface_distance(snapped, cell, {0.1, 0.3, 0.12}) / 512;
+      const long double steps = world / 0.1L * 128;
+      const auto at =
+          static_cast<size_t>(cell[0] + place.dims[0] * (cell[1] + place.dims[1] * cell[2]));
+      ASSERT_EQ(got < 0, inside[at] != 0) << static_cast<int>(fill);
+      if (steps < 1) continue;
+      ASSERT_LE(std::abs(std::abs(got) - steps), 0.5L + 1e-6L);
+    }
+  }
+}
+
+TEST(WorldDistance, of_cubes_is_stored_as_that_in_voxels) {
+  const Scene scene = wavy_sphere(2);
+  for (const Fill fill : {Fill::kBand, Fill::kSolid}) {
+    VoxelizeOptions options = band_options(3, 40);
+    options.fill = fill;
+    options.channels = ChannelSet{.distance = true};
+    const Grid in_voxels = voxelized(scene, options);
+    options.distance = DistanceUnit::kWorld;
+    EXPECT_TRUE(voxelized(scene, options).tiles == in_voxels.tiles);
+  }
+}
+
+TEST(WorldDistance, edges_that_differ_too_much_are_refused) {
+  const Scene scene = wavy_sphere(1);
+  VoxelizeOptions options = band_options(1, 24);
+  options.placement.size.reset();
+  options.placement.voxel_size = {0.125, 32.0, 0.25};
+  options.distance = DistanceUnit::kWorld;
+  Voxelizer voxelizer(nullptr, 1);
+  EXPECT_TRUE(voxelizer.voxelize(scene, options, {}, nullptr).ok());
+  options.placement.voxel_size = {0.125, 32.5, 0.25};
+  const auto refused = voxelizer.voxelize(scene, options, {}, nullptr);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(refused.error().message(),
+            "distance=world: the longest edge of a voxel, divided by the shortest: expected at "
+            "most 256, got 260");
+  EXPECT_FALSE(voxelizer.estimate(scene, options).ok());
+  options.distance = DistanceUnit::kVoxels;
+  EXPECT_TRUE(voxelizer.voxelize(scene, options, {}, nullptr).ok());
 }
 
 TEST(SignedDistance, no_voxel_and_no_other_attribute_changes_for_it) {

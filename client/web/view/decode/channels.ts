@@ -15,7 +15,7 @@ export const CHANNELS: readonly ChannelInfo[] = [
   { name: "coverage", planes: 1 },
 ];
 
-/** Steps of the distance channel per voxel. */
+/** Steps of the distance channel per voxel; with distance=world, per shortest edge of one. */
 export const DISTANCE_STEPS = 128;
 
 /** The channel that colours a grid by itself: colours, else labels, else materials. */

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include <glm/common.hpp>
+#include <glm/geometric.hpp>
 #include <glm/vector_relational.hpp>
 
 #include "server/base/parallel.h"
@@ -17,23 +18,23 @@ namespace {
 
 constexpr int kUnit = 512;  // a voxel in the tree's units
 
-constexpr int kBlockSide = 64;  // cells; a block is one unit of a tile's work
-const double kHalfDiagonal = std::sqrt(3.0) / 2;
+constexpr int kBlockSide = 64;    // cells; a block is one unit of a tile's work
 constexpr uint32_t kBlocks = 64;  // blocks of a tile
 
 glm::ivec3 centre_of(const glm::ivec3& first_cell, int side) {
   return first_cell * kUnit + side * (kUnit / 2);
 }
 
-// The distance in 1/128 voxel, rounded to the nearest and clamped to 16 bits. Inside it is never 0,
-// because 0 has no sign.
+// The distance in 1/128 of its unit, rounded to the nearest and clamped to 16 bits. Inside it is
+// never 0, because 0 has no sign.
 int16_t steps_of(double squared, bool is_inside) {
   const double steps = std::floor(std::sqrt(squared) * kDistanceSteps / kUnit + 0.5);
   const auto limited = static_cast<int>(std::min(steps, 32767.0));
   return static_cast<int16_t>(is_inside ? -std::max(limited, 1) : limited);
 }
 
-constexpr double kNoLimit = 1e9;  // farther than anything
+// Farther than anything: corners are within 2^31, and a scale is at most kDistanceAspectMax.
+constexpr double kNoLimit = 1e13;
 
 struct Bricks {
   std::vector<uint32_t> morton;
@@ -42,14 +43,15 @@ struct Bricks {
 };
 
 // Distance from the middle of a cube to the centres of its outermost cells.
-double radius_of(int side) {
-  return (side - 1) * kHalfDiagonal * kUnit;
+double radius_of(int side, const TriangleTree& tree) {
+  return (side - 1) * (glm::length(tree.scale()) / 2) * kUnit;
 }
 
 // Measures distances of cells, node by node of 2x2x2. Not thread-safe.
 class NodeDistances {
  public:
-  NodeDistances(const DistanceJob& job, double limit) : job_(job), limit_(limit) {}
+  NodeDistances(const DistanceJob& job, double limit)
+      : job_(job), limit_(limit), radius_(radius_of(2, job.triangles)) {}
 
   // Appends the distances of the node's cells that are in `wanted` and within the limit; returns
   // their bits. inside: bits of the cells that are inside. near: a triangle that is likely near, or
@@ -57,7 +59,7 @@ class NodeDistances {
   uint8_t add(const glm::ivec3& first, uint8_t wanted, uint8_t inside, uint32_t near,
               std::vector<int16_t>& out) {
     const auto middle =
-        job_.triangles.gather(centre_of(first, 2), radius_of(2), limit_, near, candidates_);
+        job_.triangles.gather(centre_of(first, 2), radius_, limit_, near, candidates_);
     near_ = middle.triangle;
     uint8_t found = 0;
     if (near_ == TriangleTree::kNone) return found;
@@ -77,7 +79,7 @@ class NodeDistances {
 
  private:
   const DistanceJob& job_;
-  double limit_;  // 1/512 voxel
+  double limit_, radius_;  // 1/512 of the unit
   TriangleTree::Candidates candidates_;
   uint32_t near_ = TriangleTree::kNone;
 };
@@ -105,7 +107,7 @@ class BandWalk {
       return;
     }
     const auto nearest = job_.triangles.find(centre_of(tile_cell_ + first, side),
-                                             limit_ + radius_of(side) + 1.0, near);
+                                             limit_ + radius_of(side, job_.triangles) + 1.0, near);
     if (nearest.triangle == TriangleTree::kNone) return;
     if (side == limits::kBrickSide) begin_brick(first);
     for (uint32_t child = 0; child < 8; ++child) {
@@ -158,7 +160,7 @@ glm::ivec3 cell_of(const glm::ivec3& tile, uint32_t block) {
 // The coords of the tiles that the band reaches.
 std::vector<glm::ivec3> reached_tiles(const DistanceJob& job, double thickness) {
   const glm::ivec3 tiles = (job.dims + limits::kTileSide - 1) / limits::kTileSide;
-  const double reach = thickness * kUnit + radius_of(limits::kTileSide) + 1.0;
+  const double reach = thickness * kUnit + radius_of(limits::kTileSide, job.triangles) + 1.0;
   std::vector<glm::ivec3> reached;
   uint32_t near = TriangleTree::kNone;
   for (int z = 0; z < tiles.z; ++z) {

@@ -14,8 +14,8 @@
 
 namespace voxeld {
 
-// A tile with the distance of each voxel of its masks, in their order, in units of 1/kDistanceSteps
-// voxel.
+// A tile with the distance of each voxel of its masks, in their order, in 1/kDistanceSteps of the
+// unit that the tree's scale decides: a voxel or the shortest edge of one.
 struct DistanceTile {
   SparseTile tile;
   std::vector<int16_t> distance;
@@ -28,7 +28,7 @@ struct DistanceJob {
 };
 
 // Finds the tiles of the cells whose centre is at most `thickness` voxels from a triangle, in any
-// order. progress: called from time to time, with 0 columns done.
+// order. progress: called from time to time, with 0 columns done. The tree must have scale 1.
 Status find_band(const DistanceJob& job, double thickness, ThreadTeam& team,
                  const ColumnProgress& progress, std::vector<DistanceTile>& tiles);
 

@@ -119,14 +119,17 @@ TriangleTree::Boxes TriangleTree::no_boxes() {
   return boxes;
 }
 
-// Squared distances from a point to the four boxes.
-inline TriangleTree::Float4 TriangleTree::squared_to_boxes(const Boxes& boxes, const glm::vec3& p) {
+// Squared distances from a point to the four boxes. Differences of coordinates are stretched, not
+// the coordinates, so that the error of floats is a part of the distance.
+inline TriangleTree::Float4 TriangleTree::squared_to_boxes(const Boxes& boxes,
+                                                           const glm::vec3& p) const {
+  const glm::vec3 scale(scale_);
   Float4 squared{};
   for (size_t axis = 0; axis < 3; ++axis) {
     const Float4 below = boxes.min[axis] - p[static_cast<int>(axis)];
     const Float4 above = p[static_cast<int>(axis)] - boxes.max[axis];
     const Float4 beside = below > above ? below : above;
-    const Float4 out = beside > 0 ? beside : Float4{};
+    const Float4 out = (beside > 0 ? beside : Float4{}) * scale[static_cast<int>(axis)];
     squared += out * out;
   }
   return squared;
@@ -136,7 +139,8 @@ double TriangleTree::squared_distance(uint32_t triangle, const glm::ivec3& p) co
   const auto& q = triangles_[triangle];
   std::array<glm::dvec3, 3> v;
   for (size_t i = 0; i < 3; ++i) v[i] = glm::dvec3(q[i]) * 2.0 + 1.0 - glm::dvec3(p);
-  return squared_distance_to_triangle(v);
+  const bool is_stretched = scale_ != glm::dvec3(1.0);  // most are not, and are measured faster
+  return is_stretched ? squared_distance_to_triangle(v, scale_) : squared_distance_to_triangle(v);
 }
 
 void TriangleTree::look_at(uint32_t triangle, const glm::ivec3& p, Nearest& nearest) const {

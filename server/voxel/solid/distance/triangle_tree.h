@@ -13,8 +13,8 @@
 namespace voxeld {
 
 // A hierarchy without pointers: boxes of four triangles, of four of these, and so on. Triangles are
-// in Morton order of the middles of their boxes. Immutable, so any number of threads may search.
-// About 90 bytes for each triangle.
+// in Morton order of the middles of their boxes. Any number of threads may search at a time. About
+// 90 bytes for each triangle.
 class TriangleTree {
  public:
   static constexpr uint32_t kNone = UINT32_MAX;
@@ -25,8 +25,12 @@ class TriangleTree {
 
   explicit TriangleTree(const FillMesh& mesh);
 
+  // The lengths of a voxel's edges in the unit of distances, each 1 or more; (1, 1, 1) at first.
+  void set_scale(const glm::dvec3& scale) { scale_ = scale; }
+  const glm::dvec3& scale() const { return scale_; }
+
   // The triangle nearest to p, at most `limit` away. near: a triangle to try first; it does not
-  // change `squared`. p and all distances are in 1/512 voxel; p is within a grid.
+  // change `squared`. p is in 1/512 voxel and within a grid; distances are in 1/512 of their unit.
   Nearest find(const glm::ivec3& p, double limit, uint32_t near) const;
 
   // Triangles that can be nearest to a point of a ball, for find_among().
@@ -54,7 +58,7 @@ class TriangleTree {
   static constexpr size_t kStackMax = 3 * 16 + 1;  // enough for 4^16 triangles
 
   static Boxes no_boxes();
-  static Float4 squared_to_boxes(const Boxes& boxes, const glm::vec3& p);
+  Float4 squared_to_boxes(const Boxes& boxes, const glm::vec3& p) const;
   double squared_distance(uint32_t triangle, const glm::ivec3& p) const;
   void look_at(uint32_t triangle, const glm::ivec3& p, Nearest& nearest) const;
   Nearest start(const glm::ivec3& p, double limit, uint32_t near) const;
@@ -66,6 +70,7 @@ class TriangleTree {
 
   std::vector<std::array<glm::ivec3, 3>> triangles_;  // q, corners in ascending order
   std::vector<std::vector<Boxes>> levels_;            // levels_[0]: boxes of triangles
+  glm::dvec3 scale_{1.0};
 };
 
 struct TriangleTree::Candidates {

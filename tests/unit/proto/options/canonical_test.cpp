@@ -98,6 +98,16 @@ TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {
   EXPECT_EQ(canonical_of_json(shell, OptionScope::kVoxelize), shell);
 }
 
+TEST(CanonicalOptions, the_unit_of_distances_is_named_where_it_is_not_voxels) {
+  const std::string plain = canonical({{"fill", "band"}}, OptionScope::kVoxelize);
+  EXPECT_EQ(canonical({{"fill", "band"}, {"distance", "voxels"}}, OptionScope::kVoxelize), plain);
+  EXPECT_EQ(plain.find("\"distance\""), std::string::npos);
+  const std::string world =
+      canonical({{"fill", "band"}, {"distance", "world"}}, OptionScope::kVoxelize);
+  EXPECT_NE(world.find(R"("distance":"world")"), std::string::npos);
+  EXPECT_EQ(canonical_of_json(world, OptionScope::kVoxelize), world);
+}
+
 TEST(CanonicalOptions, palettes_are_named_by_their_colours) {
   const std::string named =
       canonical({{"format", "vox"}, {"palette", "bw"}, {"mirror", "z,x"}, {"crop", "yes"}},
@@ -250,6 +260,7 @@ TEST(CanonicalOptions, two_requests_that_differ_give_other_bytes) {
       {{"palette", "254"}},
       {{"level", "1"}},
       {{"level", "1"}, {"level_rule", "majority"}},
+      {{"alpha", "cut"}},
       {{"region", "0,0,0,1,1,1"}},
   };
   std::set<std::string> texts;

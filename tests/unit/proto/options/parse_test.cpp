@@ -90,6 +90,7 @@ const std::map<std::string, OptionCase>& cases() {
         {"", "alpha", "color,", "color normal"},
         "a list of occupancy, color, normal, material, label, distance and coverage"}},
       {"labels", {{}, {"meshes", ""}, "mesh | node | material | group"}},
+      {"distance", {{}, {"metres", ""}, "voxels | world"}},
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
       {"format", {names_of_formats(), {"stl", ""}, format_names(" | ")}},
@@ -127,6 +128,7 @@ const std::map<std::string, OptionCase>& cases() {
       {"mirror", {{"x", "z,x", "x,y,z"}, {"", "xz", "w", "x,,y", "none"}, "a list of x, y and z"}},
       {"level", {{"0", "14"}, {"-1", "15", "", "1.5"}, "an integer from 0 to 14"}},
       {"level_rule", {{"any", "majority"}, {"most", ""}, "any | majority"}},
+      {"alpha", {{"auto", "keep", "cut"}, {"yes", ""}, "auto | keep | cut"}},
       {"region",
        {{"0,0,0,1,1,1", "1,2,3,16384,16383,4"},
         {"", "0,0,0,1,1", "0,0,0,1,1,1,1", "-1,0,0,1,1,1", "0,0,0,1,1,16385", "0,0,1,1,1,1",
@@ -393,19 +395,19 @@ TEST(Options, unknown_names_are_refused_with_the_nearest_one) {
 TEST(Options, each_scope_takes_its_own_options_alone) {
   const std::string of_mesh =
       "size dims voxel_size padding bounds up units transform rule fill sign thickness interior "
-      "color channels labels variant threshold pipeline animation time frames fps times "
+      "color channels labels distance variant threshold pipeline animation time frames fps times "
       "root_motion ";
   const std::string of_output =
       "format codec layout axes dtype palette mesh channel compress blocks dither schem_version "
-      "zarr_version keep dilate erode hollow neighbors remap crop mirror ";
+      "zarr_version alpha keep dilate erode hollow neighbors remap crop mirror ";
   const std::string of_selection = "level level_rule region ";
   const std::string of_image =
       "width height style projection azimuth elevation zoom matrix background occlusion shadow "
       "ground exposure samples renderer section image frame turntable rate columns ";
   const std::map<OptionScope, std::string> expected = {
       {OptionScope::kVoxelize, of_mesh + of_output + of_selection},
-      {OptionScope::kRenderMesh, of_mesh + of_selection + of_image},
-      {OptionScope::kRenderGrid, "frames " + of_selection + of_image},
+      {OptionScope::kRenderMesh, of_mesh + "alpha " + of_selection + of_image},
+      {OptionScope::kRenderGrid, "frames alpha " + of_selection + of_image},
       {OptionScope::kExport, "frames " + of_output + of_selection},
   };
   for (const auto& [scope, names] : expected) {
@@ -714,6 +716,22 @@ TEST(Options, distances_have_a_sign_and_bands_have_distances) {
                     OptionScope::kVoxelize)
                 .message(),
             "sign: expected fill solid or shell or channel distance with it, got \"band\"");
+}
+
+TEST(Options, the_unit_of_distances_needs_distances) {
+  for (const OptionPairs& pairs :
+       {OptionPairs{{"fill", "band"}}, OptionPairs{{"channels", "distance"}}}) {
+    OptionPairs asked = pairs;
+    EXPECT_EQ(parsed(asked, OptionScope::kVoxelize).voxelize.distance, DistanceUnit::kVoxels);
+    asked.emplace_back("distance", "world");
+    EXPECT_EQ(parsed(asked, OptionScope::kVoxelize).voxelize.distance, DistanceUnit::kWorld);
+  }
+  for (const OptionPairs& pairs :
+       {OptionPairs{{"distance", "world"}},
+        OptionPairs{{"distance", "voxels"}, {"fill", "band"}, {"channels", "color"}}}) {
+    EXPECT_EQ(refused(pairs, OptionScope::kVoxelize).message(),
+              "distance: expected channel distance with it, got \"channels without it\"");
+  }
 }
 
 TEST(Options, a_band_is_three_voxels_to_each_side) {
