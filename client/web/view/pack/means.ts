@@ -73,15 +73,25 @@ export function meanNormal(words: Uint32Array, first: number, count: number): nu
   return byte(x) | (byte(y) << 8) | (byte(z) << 16);
 }
 
-/** The mean of all voxels' colours as sRGB; integers as in server/grid/mean_color.cpp. */
-export function meanOfAll(words: Uint32Array, count: number): [number, number, number] {
+/**
+ * The mean of all voxels' colours as sRGB, weighted by alpha; null if all of it is 0. Integers as in
+ * server/grid/mean_color.cpp.
+ */
+export function meanOfAll(words: Uint32Array, count: number): [number, number, number] | null {
   const table = linearTable(1 << 20),
     mean: number[] = [];
   for (const shift of [0, 8, 16]) {
-    let sum = 0,
+    const alphas = new Float64Array(256); // by byte: products with the table exceed 53 bits
+    for (let i = 0; i < count; ++i) alphas[(words[i]! >>> shift) & 255]! += words[i]! >>> 24;
+    let sum = 0n,
+      weight = 0n,
       byte = 0;
-    for (let i = 0; i < count; ++i) sum += table[(words[i]! >>> shift) & 255]!;
-    const linear = Math.floor((sum + (count >> 1)) / count);
+    alphas.forEach((alpha, value) => {
+      weight += BigInt(alpha);
+      sum += BigInt(alpha) * BigInt(table[value]!);
+    });
+    if (weight === 0n) return null;
+    const linear = Number((sum + weight / 2n) / weight);
     while (byte < 255 && 2 * linear > table[byte]! + table[byte + 1]!) ++byte;
     mean.push(byte);
   }
