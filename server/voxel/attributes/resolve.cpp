@@ -64,10 +64,6 @@ uint32_t mean16(uint64_t sum, uint64_t weight) {
   return static_cast<uint32_t>((sum + weight / 2) / weight);
 }
 
-uint8_t alpha8(uint32_t alpha16) {
-  return static_cast<uint8_t>((alpha16 + 128u) / 257u);
-}
-
 template <typename Sums>
 Unit mean_normal(const Sums& sums, size_t first, uint64_t weight) {
   std::array<double, 3> v{};
@@ -122,6 +118,10 @@ void resolve_voxel(const Sums& sums, const ResolveOptions& options, size_t voxel
 }
 
 }  // namespace
+
+uint8_t alpha8(uint32_t alpha16) {
+  return static_cast<uint8_t>((alpha16 + 128u) / 257u);
+}
 
 std::array<uint32_t, 4> straight_mean(const std::array<uint64_t, 4>& sums, uint64_t weight,
                                       bool has_alpha) {

@@ -18,6 +18,9 @@ struct ResolveOptions {
   ChannelSet write{};
 };
 
+// The byte of 16-bit alpha.
+uint8_t alpha8(uint32_t alpha16);
+
 // The mean colour of sums of R, G, B and, if has_alpha, alpha, which the others are multiplied by:
 // in linear light, 16 bits each, with straight alpha. It is white where alpha is 0 as a byte.
 std::array<uint32_t, 4> straight_mean(const std::array<uint64_t, 4>& sums, uint64_t weight,

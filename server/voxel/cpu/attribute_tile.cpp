@@ -247,7 +247,7 @@ void CpuAttributes::find_nearest(const TileBin& bin, const Octant& octant, Attri
     const auto& [r, g, b, a] = point.linear16;
     const auto color = straight_mean({r, g, b, a}, 1, plan_->channels.has_alpha);
     for (size_t c = 0; c < 3; ++c) *out++ = srgb8[color[c]];
-    *out++ = static_cast<uint8_t>((color[3] + 128u) / 257u);
+    *out++ = alpha8(color[3]);
   }
 }
 

@@ -131,7 +131,7 @@ ColorError color_error(const Scene& scene, int size, Component component) {
       },
       kSamplesPerVoxel);
   std::vector<double> differences;
-  // Where next to nothing is seen, its colour does not matter.
+  // Colours that are hardly seen are not compared.
   constexpr double kAlphaMin = 1.0 / 16;
   for (const SparseTile& tile : grid->tiles) {
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
