@@ -12,9 +12,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 
 #include "server/base/file.h"
 
@@ -22,8 +24,9 @@ namespace voxeld {
 
 namespace {
 
-// Limits the recursion. A worker's files are one level deep, so a deeper tree is an attack.
-constexpr int kDepthMax = 32;
+constexpr int64_t kStatBlockBytes = 512;  // unit of st_blocks, whatever the file system's is
+// Measures of a tree whose directories are moved meanwhile. A worker at work renames files only.
+constexpr int kMeasuresMax = 8;
 
 struct Closer {
   void operator()(DIR* directory) const { ::closedir(directory); }
@@ -34,22 +37,160 @@ bool is_entry(std::string_view name) {
   return name != "." && name != "..";
 }
 
-// Takes ownership of the descriptor.
-void remove_content(int fd, int depth) noexcept {
-  const OpenDirectory directory(::fdopendir(fd));
-  if (directory == nullptr) {
-    ::close(fd);
-    return;
-  }
-  while (const dirent* entry = ::readdir(directory.get())) {
-    const char* name = entry->d_name;
-    if (!is_entry(name) || ::unlinkat(fd, name, 0) == 0 || depth == kDepthMax) continue;
-    const int inner = ::openat(fd, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    if (inner < 0) continue;
-    remove_content(inner, depth + 1);
-    ::unlinkat(fd, name, AT_REMOVEDIR);
-  }
+OpenDirectory open_at(int parent, const char* name) {
+  const int fd = ::openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  if (fd < 0) return nullptr;
+  OpenDirectory directory(::fdopendir(fd));
+  if (directory == nullptr) ::close(fd);
+  return directory;
 }
+
+// Follows no link: the descriptor is that of a directory. O_PATH needs no permission for it.
+void make_accessible(int parent, const char* name) {
+  const UniqueFd fd(::openat(parent, name, O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!fd.valid()) return;
+  std::array<char, 32> path{};
+  std::snprintf(path.data(), path.size(), "/proc/self/fd/%d", fd.get());
+  [[maybe_unused]] const int changed = ::chmod(path.data(), S_IRWXU);
+}
+
+// Opens a directory of this user for reading and changing, also where its mode forbids both: a
+// hostile worker can hide files by that.
+OpenDirectory enter(int parent, const char* name) {
+  OpenDirectory directory = open_at(parent, name);
+  if (directory == nullptr && errno == EACCES) {
+    make_accessible(parent, name);
+    directory = open_at(parent, name);
+  }
+  if (directory == nullptr) return nullptr;
+  struct stat info {};
+  const int fd = ::dirfd(directory.get());
+  if (::fstat(fd, &info) == 0 && (info.st_mode & S_IRWXU) != S_IRWXU) ::fchmod(fd, S_IRWXU);
+  return directory;
+}
+
+// Removes what is in a directory. Inner directories move up into it, one after the other, and are
+// emptied there: three descriptors are enough for every depth, and nothing is allocated for names.
+class TreeRemoval {
+ public:
+  explicit TreeRemoval(DIR* root) : root_(root), root_fd_(::dirfd(root)) {}
+
+  void run() {
+    while (const dirent* entry = ::readdir(root_)) {
+      if (!is_entry(entry->d_name)) continue;
+      remove(entry->d_name);
+      while (removed_ < moved_) remove(moved_name(removed_++).data());
+    }
+  }
+
+ private:
+  using Name = std::array<char, 32>;
+
+  static Name moved_name(uint64_t number) {
+    Name name{};
+    std::snprintf(name.data(), name.size(), "removed-%ju", static_cast<uintmax_t>(number));
+    return name;
+  }
+
+  // An entry of the root.
+  void remove(const char* name) {
+    if (::unlinkat(root_fd_, name, 0) == 0) return;
+    const OpenDirectory directory = enter(root_fd_, name);
+    if (directory == nullptr) return;
+    const int fd = ::dirfd(directory.get());
+    while (const dirent* entry = ::readdir(directory.get())) {
+      const char* inner = entry->d_name;
+      if (!is_entry(inner) || ::unlinkat(fd, inner, 0) == 0) continue;
+      if (::unlinkat(fd, inner, AT_REMOVEDIR) != 0) move_up(fd, inner);
+    }
+    ::unlinkat(root_fd_, name, AT_REMOVEDIR);
+  }
+
+  // A name may be taken by what is in the root already.
+  void move_up(int parent, const char* name) {
+    // A directory that changes its parent must be writable itself.
+    if (enter(parent, name) == nullptr) return;
+    while (::renameat(parent, name, root_fd_, moved_name(moved_++).data()) != 0) {
+      if (errno != ENOTEMPTY && errno != EEXIST && errno != ENOTDIR) return;
+    }
+  }
+
+  DIR* const root_;
+  const int root_fd_;
+  uint64_t moved_ = 0;    // numbers of names that are given
+  uint64_t removed_ = 0;  // of them, those that are done
+};
+
+// One walk over a tree, in depth first. It holds two descriptors: it goes up by "..", which is the
+// directory that it came from unless that was moved.
+class TreeMeasure {
+ public:
+  explicit TreeMeasure(const std::filesystem::path& root) : root_(root) {}
+
+  // Nothing: a directory was moved meanwhile.
+  Result<std::optional<int64_t>> run() {
+    OpenDirectory current = enter(AT_FDCWD, root_.c_str());
+    if (current == nullptr && errno == ENOENT) return std::optional<int64_t>(0);
+    if (current == nullptr) return errno_error("list", root_);
+    VOXELD_TRY(read(current.get()));
+    while (true) {
+      if (levels_.back().folders.empty()) {
+        levels_.pop_back();
+        if (levels_.empty()) return std::optional<int64_t>(bytes_);
+        current = open_at(::dirfd(current.get()), "..");
+        if (current == nullptr) return errno_error("list a folder in", root_);
+        if (!is_last_level(current.get())) return std::optional<int64_t>();
+        continue;
+      }
+      const std::string name = std::move(levels_.back().folders.back());
+      levels_.back().folders.pop_back();
+      OpenDirectory inner = enter(::dirfd(current.get()), name.c_str());
+      if (inner == nullptr && errno != ENOENT && errno != ENOTDIR && errno != ELOOP) {
+        return errno_error("list a folder in", root_);
+      }
+      if (inner == nullptr) continue;  // it was removed or replaced
+      current = std::move(inner);
+      VOXELD_TRY(read(current.get()));
+    }
+  }
+
+ private:
+  struct Level {
+    dev_t device = 0;
+    ino_t inode = 0;
+    std::vector<std::string> folders;  // that are not measured yet
+  };
+
+  bool is_last_level(DIR* directory) const {
+    struct stat info {};
+    return ::fstat(::dirfd(directory), &info) == 0 && info.st_dev == levels_.back().device &&
+           info.st_ino == levels_.back().inode;
+  }
+
+  // Counts the entries of a directory and makes it the last level.
+  Status read(DIR* directory) {
+    const int fd = ::dirfd(directory);
+    struct stat info {};
+    if (::fstat(fd, &info) != 0) return errno_error("stat a folder in", root_);
+    Level level{info.st_dev, info.st_ino, {}};
+    while (const dirent* entry = ::readdir(directory)) {
+      if (!is_entry(entry->d_name)) continue;
+      if (++entries_ > kTreeEntriesMax) {
+        return Error{ErrorCode::kInternal, "too many files in " + root_.string(),
+                     "at most " + std::to_string(kTreeEntriesMax), "more"};
+      }
+      if (::fstatat(fd, entry->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0) continue;  // it went
+      bytes_ += static_cast<int64_t>(info.st_blocks) * kStatBlockBytes;
+      if (S_ISDIR(info.st_mode)) level.folders.emplace_back(entry->d_name);
+    }
+    levels_.push_back(std::move(level));
+    return {};
+  }
+
+  const std::filesystem::path& root_;
+  std::vector<Level> levels_;  // the directories above the current one, and that one
+  int64_t bytes_ = 0, entries_ = 0;
+};
 
 }  // namespace
 
@@ -73,10 +214,21 @@ Result<std::vector<std::string>> directory_names(const std::filesystem::path& pa
 }
 
 void remove_tree(const std::filesystem::path& path) noexcept {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-  if (fd < 0) return;
-  remove_content(fd, 0);
+  {
+    const OpenDirectory directory = enter(AT_FDCWD, path.c_str());
+    if (directory == nullptr) return;
+    TreeRemoval(directory.get()).run();
+  }
   ::rmdir(path.c_str());
+}
+
+Result<int64_t> tree_bytes(const std::filesystem::path& path) {
+  for (int measures = 0; measures < kMeasuresMax; ++measures) {
+    VOXELD_ASSIGN(const std::optional<int64_t> bytes, TreeMeasure(path).run());
+    if (bytes) return *bytes;
+  }
+  return Error{ErrorCode::kInternal,
+               "folders are moved while they are measured in " + path.string(), "", ""};
 }
 
 namespace {

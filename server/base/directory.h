@@ -5,6 +5,7 @@
 
 #include <sys/stat.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -18,8 +19,17 @@ namespace voxeld {
 Status make_directory(const std::filesystem::path& path);
 // Names in a directory, without . and .., in no order. Empty if the directory does not exist.
 Result<std::vector<std::string>> directory_names(const std::filesystem::path& directory);
-// Removes the directory with all its contents, as far as possible.
+// Removes the directory with all its contents, whatever their depth and mode, as far as possible.
 void remove_tree(const std::filesystem::path& directory) noexcept;
+
+// More entries than a worker's folders or a driver's cache have. Limits the time of tree_bytes()
+// and the names that it holds.
+constexpr int64_t kTreeEntriesMax = 20'000;
+// Bytes that all files and directories below this one take on its disk, whatever their depth and
+// mode; 0 if it does not exist. Whoever owns the tree may change it meanwhile. Errors: internal for
+// more than kTreeEntriesMax entries, for a directory that cannot be read, and for directories that
+// are moved elsewhere each time they are measured.
+Result<int64_t> tree_bytes(const std::filesystem::path& directory);
 
 // Creates the file, locks it (flock) and writes this process's pid into it. The lock lasts as long
 // as the descriptor. Waits up to 5 s for a child that a killed holder was just starting. Errors:

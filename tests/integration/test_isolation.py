@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import unittest
 
-from harness import BIN, DEVICES, Daemon, DaemonTest, make_fixtures
+from harness import BIN, DEVICES, Daemon, DaemonTest, make_fixtures, wait_until
 
 
 def status_lines(path, *names):
@@ -66,6 +66,34 @@ class ShutIn(unittest.TestCase):
         self.assertEqual(len(folders), 1)
         for name in ("in", "out", "taken"):
             self.assertEqual(list((folders[0] / name).iterdir()), [], name)
+
+    def hide(self, folder, megabytes):
+        """Bytes below 45 folders, as a worker that was taken over would write them."""
+        deep = folder.joinpath(*["n"] * 45)
+        deep.mkdir(parents=True)
+        (deep / "hidden").write_bytes(bytes(megabytes << 20))
+
+    def test_bytes_below_45_folders_count_towards_a_workers_limit_and_go_with_it(self):
+        daemon = Daemon(device="cpu", arguments=["--worker-scratch-max", "20M", "--workers-per-device", "1"])
+        try:
+            asset = daemon.upload(self.fixtures / "sample.ply")
+            job = daemon.submit(kind="voxelize", asset=asset, options={
+                "size": 16384, "channels": "occupancy", "cache": "no"})
+            daemon.wait_state(job, "running")
+            scratch = pathlib.Path(daemon.data_dir, "run/scratch")
+            folder, = scratch.iterdir()
+            self.hide(folder / "out", 80)
+            status = daemon.wait(job)
+            self.assertEqual((status["state"], status["error"]["code"]), ("failed", "storage-full"), status)
+            self.assertIn("the job writes more than one worker may", status["error"]["detail"])
+            wait_until(lambda: not folder.exists(), "the worker's folder is removed whole")
+            # A gateway that is killed leaves the folders to the next start.
+            daemon.kill_gateway()
+            self.hide(scratch / "left/out", 80)
+            daemon.start()
+            self.assertFalse((scratch / "left").exists())
+        finally:
+            daemon.stop()
 
     def test_sandbox_off_is_off_and_doctor_reports_the_kernels_features(self):
         daemon = Daemon(device="cpu", arguments=["--sandbox", "off"])

@@ -1,8 +1,8 @@
 #include "server/jobs/workers/scratch_watch.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
+#include <limits>
+#include <string>
 #include <utility>
 
 #include "server/base/directory.h"
@@ -13,45 +13,27 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kStatBlockBytes = 512;  // unit of st_blocks, whatever the file system's is
-
-// Bytes of the folder's files, and of those of its folders down to `depth`.
-int64_t bytes_in(const fs::path& folder, int depth) {
-  int64_t bytes = 0;
-  const auto names = directory_names(folder);
-  if (!names) return 0;  // it went
-  for (const std::string& name : *names) {
-    struct stat info {};
-    if (::lstat((folder / name).c_str(), &info) != 0) continue;
-    bytes += static_cast<int64_t>(info.st_blocks) * kStatBlockBytes;
-    if (S_ISDIR(info.st_mode) && depth > 0) bytes += bytes_in(folder / name, depth - 1);
+Result<int64_t> bytes_of(const std::vector<fs::path>& folders) {
+  int64_t total = 0;
+  for (const fs::path& folder : folders) {
+    VOXELD_ASSIGN(const int64_t bytes, tree_bytes(folder));
+    total += bytes;
   }
-  return bytes;
-}
-
-int64_t bytes_of(const std::vector<fs::path>& folders) {
-  int64_t bytes = 0;
-  for (const fs::path& folder : folders) bytes += folder_bytes(folder);
-  return bytes;
-}
-
-int64_t bytes_of_worker(const WatchedScratch& worker) {
-  return bytes_of(worker.folders);
+  return total;
 }
 
 }  // namespace
 
-int64_t folder_bytes(const fs::path& folder) {
-  constexpr int kDepthMax = 8;  // caches of drivers have two or three levels
-  return bytes_in(folder, kDepthMax);
-}
-
 Status check_scratch(const std::vector<fs::path>& folders, int64_t bytes_max) {
   if (bytes_max == 0) return {};
-  const int64_t bytes = bytes_of(folders);
-  if (bytes <= bytes_max) return {};
+  const Result<int64_t> bytes = bytes_of(folders);
+  if (!bytes) {
+    return Error{ErrorCode::kStorageFull,
+                 "what the job writes cannot be measured: " + bytes.error().message(), "", ""};
+  }
+  if (*bytes <= bytes_max) return {};
   return Error{ErrorCode::kStorageFull, "the job writes more than one worker may",
-               "at most " + std::to_string(bytes_max) + " bytes", std::to_string(bytes)};
+               "at most " + std::to_string(bytes_max) + " bytes", std::to_string(*bytes)};
 }
 
 ScratchWatch::ScratchWatch(int64_t bytes_max, DiskRoom& disk, Calls calls)
@@ -88,6 +70,11 @@ void ScratchWatch::look() const {
     return !within.ok();
   });
   if (workers.empty() || !disk_.is_nearly_full()) return;
+  // What cannot be measured is the most that there can be.
+  const auto bytes_of_worker = [](const WatchedScratch& worker) {
+    const Result<int64_t> bytes = bytes_of(worker.folders);
+    return bytes ? *bytes : std::numeric_limits<int64_t>::max();
+  };
   const auto first = std::ranges::max_element(workers, {}, bytes_of_worker);
   if (bytes_of_worker(*first) < kBlamedBytesMin) return;
   const Status full = disk_.for_data();

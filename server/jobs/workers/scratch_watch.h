@@ -15,9 +15,6 @@
 
 namespace voxeld {
 
-// Bytes that the files in a folder, and one level below, take on the disk.
-int64_t folder_bytes(const std::filesystem::path& folder);
-
 struct WatchedScratch {
   int64_t pid = 0;
   std::string task;                            // job id
@@ -25,7 +22,7 @@ struct WatchedScratch {
 };
 
 // That what a task wrote to these folders is within its limit. `bytes_max` 0: no limit. Errors:
-// storage-full.
+// storage-full, also for what cannot be measured: only a hostile worker writes that.
 Status check_scratch(const std::vector<std::filesystem::path>& folders, int64_t bytes_max);
 
 class ScratchWatch {
