@@ -36,7 +36,7 @@ struct ServeConfig {
   int64_t disk_reserve_bytes = int64_t{1} << 30;
   double keep_results_days = 0;
   double keep_assets_days = 0;
-  double keep_jobs_days = 0;
+  double keep_jobs_days = 30;
   double keep_orphans_days = 7;
   bool adopts_store = false;           // --adopt
   bool forgets_keys = false;           // --forget-keys

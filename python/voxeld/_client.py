@@ -235,7 +235,7 @@ class Client:
             self._cancel(str(status["id"]))
 
     def _cancel(self, job: str) -> None:
-        """Cancels a job; one that has ended stays."""
+        """Cancels a job. Of one that has ended the record goes; its result stays."""
         with contextlib.suppress(Error):
             self._transport.request(Call(CANCEL_SECONDS), "DELETE", f"/v1/jobs/{job}")
 

@@ -41,6 +41,11 @@ Result<int64_t> DiskRoom::reserve_bytes() const {
   return std::min(reserve_bytes_max_, total / kReservePartOfDisk);
 }
 
+Result<int64_t> DiskRoom::record_bytes_max() const {
+  VOXELD_ASSIGN(const int64_t total, total_bytes());
+  return std::min(kRecordBytesMax, total / kRecordPartOfDisk);
+}
+
 Result<int64_t> DiskRoom::ballast_bytes() const {
   VOXELD_ASSIGN(const int64_t total, total_bytes());
   return std::min(kBallastBytesMax, total / kBallastPartOfDisk);

@@ -26,6 +26,8 @@ class DiskRoom {
   static constexpr int64_t kBallastBytesMax = int64_t{16} << 20;
   // Parts of the disk's size, because on a small disk reserve and ballast would be most of it.
   static constexpr int64_t kReservePartOfDisk = 20, kBallastPartOfDisk = 32;
+  // What the rows of one tenant's jobs may take: some ten thousand jobs.
+  static constexpr int64_t kRecordBytesMax = int64_t{64} << 20, kRecordPartOfDisk = 16;
 
   // `reserve_bytes_max`: on the disk of `data_dir`; 0: no reserve.
   DiskRoom(std::filesystem::path data_dir, int64_t reserve_bytes_max)
@@ -35,6 +37,8 @@ class DiskRoom {
   Result<int64_t> free_bytes() const;
   Result<int64_t> total_bytes() const;
   Result<int64_t> reserve_bytes() const;
+  // Bytes that the rows of one tenant's jobs may take of this disk (TenantUsage::record_bytes).
+  Result<int64_t> record_bytes_max() const;
 
   // Whether data of clients and workers may be stored. Errors: storage-full.
   Status for_data() EXCLUDES(mutex_);

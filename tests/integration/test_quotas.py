@@ -8,7 +8,7 @@ import tempfile
 import time
 import unittest
 
-from harness import BIN, Daemon, make_fixtures
+from harness import BIN, Daemon, make_fixtures, wait_until
 from test_tenants import add_key, key_id, keys
 
 
@@ -55,30 +55,66 @@ class Quotas(unittest.TestCase):
         self.assertEqual([lab.get("/v1/jobs").status for _ in range(8)], [200] * 8)
         self.assertNotIn("RateLimit", lab.get("/v1/jobs").headers)
 
+    def usage(self, lab):
+        return lab.get("/v1/me").json()["usage"]["bytes"]
+
+    def remove_jobs(self, lab, jobs):
+        """Cancels them where they have not ended, and removes their records."""
+        for job in jobs:
+            wait_until(lambda: lab.request("DELETE", f"/v1/jobs/{job}").status == 404, f"the record of {job} is gone")
+
     def test_bytes(self):
         mesh = (self.fixtures / "sample.ply").read_bytes()
-        key, lab = self.tenant("small", "--bytes", str(len(mesh) + 100))
+        key, lab = self.tenant("small")
         self.assertEqual(lab.post("/v1/assets?filename=a.ply", mesh).status, 201)
-        used = lab.get("/v1/me").json()["usage"]["bytes"]
-        self.assertEqual(used, len(mesh))
+        used = self.usage(lab)
+        self.assertGreater(used, len(mesh))  # with its row
+        keys(self.data_dir, "set", key_id(key), "--bytes", str(used + 100))
         self.problem(lab.post("/v1/assets", b"x" * 101), 507, "quota-exceeded",
                      f"101 beside {used} used")
         self.problem(lab.post("/v1/assets", gzip.compress(b"x" * 101),
                               headers={"Content-Encoding": "gzip"}), 507, "quota-exceeded")
-        self.problem(lab.post("/v1/assets", b"x" * (len(mesh) + 101)), 413, "payload-too-large",
+        self.problem(lab.post("/v1/assets", b"x" * (used + 101)), 413, "payload-too-large",
                      "ever")
-        # Results of jobs count, too.
+        # Rows of jobs count, and their results.
         asset = lab.get("/v1/assets").json()["assets"][0]["id"]
-        status = lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": 64}))
-        self.assertEqual((status["state"], status["error"]["code"]), ("failed", "quota-exceeded"))
-        self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], used)
+        job = {"kind": "voxelize", "asset": asset, "options": {"size": 64}}
+        self.problem(lab.post("/v1/jobs", job), 507, "quota-exceeded")
+        keys(self.data_dir, "set", key_id(key), "--bytes", str(used + 5000))
+        failed = lab.wait(lab.submit(**job))
+        self.assertEqual((failed["state"], failed["error"]["code"]), ("failed", "quota-exceeded"))
+        self.remove_jobs(lab, [failed["id"]])
+        self.assertEqual(self.usage(lab), used)
         keys(self.data_dir, "set", key_id(key), "--bytes", "1M")
-        status = lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": 64}))
+        status = lab.wait(lab.submit(**job))
         self.assertEqual(status["state"], "done", status)
-        self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"],
-                         used + status["result"]["bytes"])
+        self.assertGreater(self.usage(lab), used + status["result"]["bytes"])
+        self.assertEqual(lab.request("DELETE", f"/v1/jobs/{status['id']}/result").status, 204)
+        self.remove_jobs(lab, [status["id"]])
+        self.assertEqual(self.usage(lab), used)
         self.assertEqual(lab.request("DELETE", f"/v1/assets/{asset}").status, 204)
-        self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], status["result"]["bytes"])
+        self.assertEqual(self.usage(lab), 0)
+
+    def test_jobs_on_one_small_asset_do_not_pass_the_quota_by_their_rows(self):
+        _, lab = self.tenant("rows", "--bytes", "300K")
+        _, other = self.tenant("others")
+        asset = lab.post("/v1/assets?filename=a.obj", b"# " + b"m" * 118 + b"\n").json()["id"]
+        before, jobs, response = self.usage(lab), [], None
+        for number in range(1000):
+            response = lab.post("/v1/jobs", json.dumps({
+                "kind": "voxelize", "asset": asset, "filename": f"{'n' * 240}{number}.obj",
+                "options": {"size": 8, "animation": "0", "times": [(k + number) / 3e6 for k in range(300)]}}),
+                headers={"Content-Type": "application/json", "Idempotency-Key": f"{'k' * 240}{number}"})
+            if response.status != 202:
+                break
+            jobs.append(response.json()["id"])
+        self.problem(response, 507, "quota-exceeded", "beside")
+        self.assertLess(len(jobs), 100)
+        self.assertLessEqual(self.usage(lab), 320_000)  # and the ends of those jobs
+        theirs = other.upload(self.fixtures / "sample.ply")
+        self.assertEqual(other.wait(other.submit(kind="voxelize", asset=theirs, options={"size": 8}))["state"], "done")
+        self.remove_jobs(lab, jobs)
+        self.assertEqual(self.usage(lab), before)
 
     def test_a_full_tenant_frees_space_with_the_command_line_client(self):
         key, lab = self.tenant("full", "--bytes", "1M")
@@ -123,11 +159,13 @@ class Quotas(unittest.TestCase):
         self.assertIn("was deleted", voxel("rm", image["id"], status=2))
         self.assertEqual(json.loads(voxel("rm", asset, moving, "--json"))["deleted"],
                          [{"id": asset, "kind": "asset"}, {"id": moving, "kind": "asset"}])
-        self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], 0)
         for path in (f"/v1/jobs/{still['id']}/result", f"/v1/grids/{still['result']['grid']}",
                      f"/v1/sequences/{frames['result']['sequence']}",
                      f"/v1/jobs/{frames['id']}/frames/0"):
             self.problem(lab.get(path), 410, "gone", "was deleted")
+        # What is left are the records of jobs.
+        self.remove_jobs(lab, [job["id"] for job in (still, image, frames)])
+        self.assertEqual(self.usage(lab), 0)
         deadline = time.monotonic() + 30  # files go with the next sweep
         gone = [still["result"]["grid"], image["result"]["blob"], frames["result"]["sequence"], asset]
         while any(list(pathlib.Path(self.data_dir).rglob(one)) for one in gone):

@@ -387,6 +387,7 @@ class VOXELD_CLIENT_API Client {
   // Waits until the job has ended. Throws the job's error if it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},
                const std::stop_token& stop = {});
+  // Cancels a job. Removes the record of one that has ended; its result stays.
   JobInfo cancel(std::string_view id);
   // The finished frames; also while the job runs and after it was cancelled.
   JobFrames frames(std::string_view job);

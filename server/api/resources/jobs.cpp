@@ -164,8 +164,18 @@ Reply get_job(Request& request, Api& api) {
   return wait_for_job(request, api, std::move(plan));
 }
 
-Reply cancel_job(Request& request, Api& api) {
-  auto status = api.jobs.cancel(request.caller, request.path_parameters[0]);
+// Cancels a job, and removes the record of one that had ended before: its last state is the
+// response.
+Reply delete_job(Request& request, Api& api) {
+  const std::string& id = request.path_parameters[0];
+  const auto before = api.jobs.get(request.caller, id);
+  if (before && before->ended()) {
+    if (const Status gone = api.jobs.forget(request.caller, id); !gone) {
+      return problem(request, gone.error());
+    }
+    return status_response(request, api, 200, *before);
+  }
+  auto status = api.jobs.cancel(request.caller, id);
   if (!status) return problem(request, status.error());
   return status_response(request, api, status->ended() ? 200 : 202, *status);
 }

@@ -27,7 +27,7 @@ Reply delete_asset(Request& request, Api& api);
 Reply post_job(Request& request, Api& api);
 Reply list_jobs(Request& request, Api& api);
 Reply get_job(Request& request, Api& api);
-Reply cancel_job(Request& request, Api& api);
+Reply delete_job(Request& request, Api& api);
 // --- job_tiles.cpp
 Reply get_tiles_of_job(Request& request, Api& api);
 // --- queue.cpp

@@ -40,8 +40,12 @@ class Database {
   // reuse its own space before it grows.
   virtual Status write_freeing(const Operation& operation) = 0;
 
-  // Called by write_freeing(); true: the disk is full (DiskRoom). To be set before other threads
-  // use the database.
+  // Gives some of the room of removed rows back to the file system, between two operations. Returns
+  // how many bytes; 0: what is left is kept for new rows. The file shrinks once readers allow it.
+  virtual Result<int64_t> reclaim() = 0;
+
+  // Called by write_freeing() and reclaim(); true: the disk is full (DiskRoom). To be set before
+  // other threads use the database.
   virtual void set_make_way(std::function<bool()> make_way) = 0;
 
   // Calls `told` with the store's generation once commits that changed rows are durable, on the

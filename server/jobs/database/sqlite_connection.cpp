@@ -13,6 +13,8 @@ namespace {
 
 // Only the writer of another program could hold the lock: ours has one writing connection.
 constexpr int kBusyTimeoutMs = 2000;
+// Twice what SQLite writes between two checkpoints.
+constexpr int64_t kLogBytesKept = int64_t{8} << 20;
 
 Error sql_error(sqlite3* db, std::string_view action) {
   const int code = sqlite3_extended_errcode(db);
@@ -123,10 +125,15 @@ Result<SqliteConnection> SqliteConnection::open(const std::filesystem::path& pat
       return Error{ErrorCode::kInternal, "job database: cannot write to " + path.string(),
                    "a file that its owner may change", ""};
     }
+    // The first pragma is void once the file has its first page, which the second one writes.
     VOXELD_TRY(connection.run_script(
-        "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"
+        "PRAGMA auto_vacuum=INCREMENTAL; PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA "
+        "foreign_keys=ON;"
         // What an operation may have to undo: otherwise a file is made for it each time.
-        "PRAGMA temp_store=MEMORY;"));
+        "PRAGMA temp_store=MEMORY;"
+        // A log that grew while a long reader kept it from being reused becomes short again.
+        "PRAGMA journal_size_limit=" +
+        std::to_string(kLogBytesKept)));
   } else {
     sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
     VOXELD_TRY(connection.run_script("PRAGMA wal_autocheckpoint=0; PRAGMA query_only=ON;"));
@@ -180,6 +187,19 @@ Status SqliteConnection::set_synced(bool is_synced) {
 
 Status SqliteConnection::checkpoint() {
   return run_script("PRAGMA wal_checkpoint(PASSIVE)");
+}
+
+Result<int64_t> SqliteConnection::reclaim(int64_t pages_max) {
+  const auto number = [this](std::string_view pragma) -> Result<int64_t> {
+    VOXELD_ASSIGN(SqlStatement row, query(pragma));
+    VOXELD_TRY(row.step());
+    return row.int64(0);
+  };
+  VOXELD_ASSIGN(const int64_t before, number("PRAGMA freelist_count"));
+  VOXELD_TRY(run_script("PRAGMA incremental_vacuum(" + std::to_string(pages_max) + ")"));
+  VOXELD_ASSIGN(const int64_t after, number("PRAGMA freelist_count"));
+  VOXELD_ASSIGN(const int64_t page_bytes, number("PRAGMA page_size"));
+  return (before - after) * page_bytes;
 }
 
 }  // namespace voxeld

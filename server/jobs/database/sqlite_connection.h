@@ -42,11 +42,14 @@ class SqliteConnection final : public SqlConnection {
   bool in_transaction() const;
   // "ok", or the first thing that SQLite finds wrong. Reads the whole file.
   Result<std::string> integrity();
-  // Writes pages of the WAL into the file as far as readers allow, so that SQLite writes over it
-  // instead of behind it.
   // Whether commits from now on are durable on return (the default). Not inside a transaction.
   Status set_synced(bool is_synced);
+  // Writes pages of the WAL into the file as far as readers allow, so that SQLite writes over it
+  // instead of behind it.
   Status checkpoint();
+  // Takes at most so many free pages out of the database and returns their bytes. The next whole
+  // checkpoint shortens the file. Not inside a transaction.
+  Result<int64_t> reclaim(int64_t pages_max);
 
  private:
   struct Closer {

@@ -13,6 +13,11 @@
 namespace voxeld {
 namespace {
 
+// Free pages that stay for new rows.
+constexpr int64_t kFreePagesKept = 256;
+// Pages at a time: other writers wait for some milliseconds, and the log restarts in between.
+constexpr int64_t kPagesReclaimed = 1024;
+
 Status check_integrity(SqliteConnection& connection) {
   VOXELD_ASSIGN(std::string result, connection.integrity());
   if (result == "ok") return {};
@@ -93,6 +98,22 @@ Status SqliteDatabase::write_freeing(const Operation& operation) {
     }
   }
   return write(operation);
+}
+
+Result<int64_t> SqliteDatabase::reclaim() {
+  {
+    VOXELD_ASSIGN(const Lease reader, read());
+    VOXELD_ASSIGN(SqlStatement free, reader->query("PRAGMA freelist_count"));
+    VOXELD_TRY(free.step());
+    if (free.int64(0) <= kFreePagesKept) return int64_t{0};
+  }
+  const bool is_full = make_way_ && make_way_();
+  const MutexLock lock(writer_mutex_);
+  if (writer_.in_transaction()) return int64_t{0};  // where there was no memory to undo it
+  if (is_full) VOXELD_TRY(writer_.checkpoint());
+  VOXELD_ASSIGN(const int64_t bytes, writer_.reclaim(kPagesReclaimed));
+  VOXELD_TRY(writer_.checkpoint());  // shortens the file
+  return bytes;
 }
 
 // One operation inside the transaction of its batch. Errors: what undoes the whole batch; the

@@ -34,6 +34,7 @@ class SqliteDatabase final : public Database {
   Status sync() override EXCLUDES(mutex_, writer_mutex_);
   // On a full disk the WAL is checkpointed, so that SQLite overwrites it instead of appending.
   Status write_freeing(const Operation& operation) override EXCLUDES(mutex_, writer_mutex_);
+  Result<int64_t> reclaim() override EXCLUDES(writer_mutex_);
   void set_make_way(std::function<bool()> make_way) override { make_way_ = std::move(make_way); }
   void tell_generation(std::function<void(int64_t)> told) override EXCLUDES(writer_mutex_);
   Result<Lease> read() override EXCLUDES(mutex_);

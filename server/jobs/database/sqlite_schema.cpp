@@ -2,6 +2,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "server/jobs/database/tables.h"
 
@@ -85,43 +86,16 @@ CREATE TRIGGER frames_delete AFTER DELETE ON frames WHEN OLD.expired_ms = 0 BEGI
 END;
 )sql";
 
-constexpr std::string_view kRowBytes = R"sql(
--- Long texts in tenant_usage.
+constexpr std::string_view kRowChanges = R"sql(
+-- Rows in tenant_usage.
 -- No table: what is inserted is a number of bytes more or less.
-CREATE VIEW row_changes AS SELECT tenant, bytes FROM tenant_usage;
-CREATE TRIGGER row_changes_insert INSTEAD OF INSERT ON row_changes WHEN NEW.bytes <> 0 BEGIN
-  INSERT INTO tenant_usage (tenant, bytes) VALUES (NEW.tenant, NEW.bytes)
-    ON CONFLICT (tenant) DO UPDATE SET bytes = bytes + excluded.bytes;
-END;
-CREATE TRIGGER jobs_row_insert AFTER INSERT ON jobs BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.options_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER jobs_row_change AFTER UPDATE OF options_json ON jobs BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.options_json AS BLOB)) - 4096, 0)
-                      - MAX(LENGTH(CAST(OLD.options_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER jobs_row_delete AFTER DELETE ON jobs BEGIN
-  INSERT INTO row_changes
-    VALUES (OLD.tenant, -MAX(LENGTH(CAST(OLD.options_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER results_row_insert AFTER INSERT ON results BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.meta_json AS BLOB))
-                          + LENGTH(CAST(NEW.warnings_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER results_row_change AFTER UPDATE OF meta_json, warnings_json ON results BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.meta_json AS BLOB))
-                          + LENGTH(CAST(NEW.warnings_json AS BLOB)) - 4096, 0)
-                      - MAX(LENGTH(CAST(OLD.meta_json AS BLOB))
-                          + LENGTH(CAST(OLD.warnings_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER results_row_delete AFTER DELETE ON results BEGIN
-  INSERT INTO row_changes
-    VALUES (OLD.tenant, -MAX(LENGTH(CAST(OLD.meta_json AS BLOB))
-                           + LENGTH(CAST(OLD.warnings_json AS BLOB)) - 4096, 0));
+CREATE VIEW row_changes AS SELECT tenant, bytes, record_bytes FROM tenant_usage;
+CREATE TRIGGER row_changes_insert INSTEAD OF INSERT ON row_changes
+WHEN NEW.bytes <> 0 OR NEW.record_bytes <> 0 BEGIN
+  INSERT INTO tenant_usage (tenant, bytes, record_bytes)
+    VALUES (NEW.tenant, NEW.bytes, NEW.record_bytes)
+    ON CONFLICT (tenant) DO UPDATE SET
+    bytes = bytes + excluded.bytes, record_bytes = record_bytes + excluded.record_bytes;
 END;
 )sql";
 
@@ -151,6 +125,49 @@ CREATE TRIGGER jobs_live_delete AFTER DELETE ON jobs BEGIN
 END;
 )sql";
 
+// OCTET_LENGTH(column), everywhere in the text.
+std::string with_own_functions(std::string sql) {
+  constexpr std::string_view kLength = "OCTET_LENGTH(", kOwnLength = "LENGTH(CAST(",
+                             kOwnEnd = " AS BLOB)";
+  for (size_t at = sql.find(kLength); at != std::string::npos; at = sql.find(kLength, at)) {
+    sql.replace(at, kLength.size(), kOwnLength);
+    at = sql.find(')', at);
+    sql.insert(at, kOwnEnd);
+  }
+  return sql;
+}
+
+// What a row counts in tenant_usage.bytes, and in record_bytes.
+std::string bytes_in(const CountedTable& table, std::string_view condition, std::string_view row) {
+  return "CASE WHEN " + of_row(condition, row) + " THEN " + of_row(table.bytes, row) +
+         " ELSE 0 END";
+}
+
+// An expression of the new row, of the old one, or of both: by how much the new one has more.
+std::string row_trigger(const CountedTable& table, std::string_view event, bool has_new,
+                        bool has_old) {
+  const auto change = [&](std::string_view condition) {
+    std::string sql = has_new ? bytes_in(table, condition, "NEW.") : "0";
+    if (has_old) sql += " - " + bytes_in(table, condition, "OLD.");
+    return sql;
+  };
+  const std::string name(table.name), kind(event.substr(0, event.find(' ')));
+  return "CREATE TRIGGER " + name + "_row_" + kind + " AFTER " + std::string(event) + " ON " +
+         name + " BEGIN INSERT INTO row_changes VALUES (" + (has_new ? "NEW" : "OLD") +
+         ".tenant, " + change(table.counts_if) + ", " + change(table.is_record_if) + "); END;\n";
+}
+
+std::string row_triggers() {
+  std::string script(kRowChanges);
+  for (const CountedTable& table : counted_tables()) {
+    script += row_trigger(table, "INSERT", true, false);
+    script += row_trigger(table, "DELETE", false, true);
+    if (table.changing.empty()) continue;
+    script += row_trigger(table, "UPDATE OF " + std::string(table.changing), true, true);
+  }
+  return with_own_functions(std::move(script));
+}
+
 }  // namespace
 
 Result<int64_t> sqlite_schema_version(SqliteConnection& connection) {
@@ -167,7 +184,8 @@ Status create_sqlite_schema(SqliteConnection& connection) {
                  std::to_string(schema_version()), std::to_string(present)};
   }
   std::string script = "BEGIN IMMEDIATE;" + tables_sql("INTEGER PRIMARY KEY AUTOINCREMENT");
-  for (const std::string_view part : {kAges, kHoldings, kRowBytes, kLiveJobs}) script += part;
+  for (const std::string_view part : {kAges, kHoldings, kLiveJobs}) script += part;
+  script += row_triggers();
   script += "PRAGMA user_version=" + std::to_string(schema_version()) + "; COMMIT;";
   Status created = connection.run_script(script);
   if (!created && connection.in_transaction()) VOXELD_TRY(connection.run_script("ROLLBACK"));

@@ -6,7 +6,7 @@
 namespace voxeld {
 namespace {
 
-constexpr int kSchemaVersion = 1;
+constexpr int kSchemaVersion = 2;
 // Stands in the text for the type of a numbered primary key.
 constexpr std::string_view kRowNumber = "ROW_NUMBER";
 
@@ -20,7 +20,7 @@ constexpr std::string_view kRowNumber = "ROW_NUMBER";
 constexpr std::string_view kAssets = R"sql(
 -- Uploads. The same bytes of two tenants are two rows. A deleted asset whose blob is gone has bytes
 -- of -1. aged_ms: when it was used or deleted last, by the clock of retention (kept_clock.h);
--- 0: Retention::note_ages() has not seen that yet.
+-- 0: Retention::note_ages() has not seen that yet. files_bytes: of its rows in bundle_files.
 CREATE TABLE assets (
   tenant TEXT NOT NULL,
   id TEXT NOT NULL,
@@ -32,12 +32,14 @@ CREATE TABLE assets (
   used_ms BIGINT NOT NULL DEFAULT 0,
   aged_ms BIGINT NOT NULL DEFAULT 0,
   description_json TEXT NOT NULL DEFAULT '',
+  files_bytes BIGINT NOT NULL DEFAULT 0,
   PRIMARY KEY (id, tenant)
 );
 CREATE INDEX assets_live ON assets (tenant, created_ms) WHERE deleted_ms = 0;
 CREATE INDEX assets_to_remove ON assets (deleted_ms) WHERE deleted_ms <> 0 AND bytes >= 0;
 CREATE INDEX assets_by_use ON assets (used_ms) WHERE deleted_ms = 0;
 CREATE INDEX assets_gone ON assets (deleted_ms) WHERE bytes < 0;
+CREATE INDEX assets_gone_by_tenant ON assets (tenant, deleted_ms) WHERE bytes < 0;
 CREATE INDEX assets_to_age ON assets (id) WHERE aged_ms = 0;
 CREATE INDEX assets_by_age ON assets (aged_ms) WHERE aged_ms <> 0;
 
@@ -123,11 +125,13 @@ CREATE INDEX jobs_live_by_sequence ON jobs (sequence)
   WHERE state IN ('queued', 'running') AND sequence <> '';
 -- Retention.
 CREATE INDEX jobs_ended ON jobs (ended_ms) WHERE ended_ms <> 0;
+CREATE INDEX jobs_ended_by_tenant ON jobs (tenant, seq) WHERE ended_ms <> 0;
 CREATE INDEX jobs_by_result ON jobs (result_seq) WHERE result_seq <> 0;
 CREATE INDEX jobs_to_age ON jobs (seq) WHERE aged_ms = 0 AND ended_ms <> 0;
 CREATE INDEX jobs_by_age ON jobs (aged_ms) WHERE aged_ms <> 0;
 
 CREATE TABLE job_events (
+  tenant TEXT NOT NULL,
   job_id TEXT NOT NULL,
   id BIGINT NOT NULL,
   type TEXT NOT NULL,
@@ -204,14 +208,17 @@ CREATE INDEX frames_kept ON frames (job_id) WHERE expired_ms = 0;
 
 constexpr std::string_view kUsage = R"sql(
 -- The bytes that each tenant has stored. A row of `holdings` is a blob that at least one of the
--- tenant's assets, results or frames names (`refs` of them); `tenant_usage` is their sum, and the
--- bytes above 4096 (kRowBytesFree in quota.h) of rows with long texts: options of jobs, meta and
--- warnings of results. Both are derived (tables.h); expired rows do not count. A row whose blob
--- changes must be removed and added, except for frames.grid and assets.deleted_ms.
+-- tenant's assets, results or frames names (`refs` of them). `bytes` is their sum, with the rows of
+-- jobs, of what belongs to jobs, and of assets (CountedTable). record_bytes: of rows that go by
+-- themselves, those of jobs, and what remembers deleted assets. All are derived (tables.h); blobs
+-- of expired rows do not count. A row whose blob changes must be removed and added, except for
+-- frames.grid and assets.deleted_ms.
 CREATE TABLE tenant_usage (
   tenant TEXT PRIMARY KEY,
-  bytes BIGINT NOT NULL
+  bytes BIGINT NOT NULL,
+  record_bytes BIGINT NOT NULL DEFAULT 0
 );
+CREATE INDEX tenant_usage_by_records ON tenant_usage (record_bytes);
 CREATE TABLE holdings (
   tenant TEXT NOT NULL,
   blob TEXT NOT NULL,
@@ -243,15 +250,42 @@ CREATE TABLE store (
 );
 )sql";
 
-constexpr std::string_view kComputedUsage =
-    "SELECT tenant, SUM(bytes) FROM ("
-    "  SELECT tenant, CASE WHEN bytes > 0 THEN bytes ELSE 0 END AS bytes FROM holdings"
-    "  UNION ALL SELECT tenant, OCTET_LENGTH(options_json) - 4096 FROM jobs"
-    "            WHERE OCTET_LENGTH(options_json) > 4096"
-    "  UNION ALL SELECT tenant, OCTET_LENGTH(meta_json) + OCTET_LENGTH(warnings_json) - 4096"
-    "            FROM results"
-    "            WHERE OCTET_LENGTH(meta_json) + OCTET_LENGTH(warnings_json) > 4096) n"
-    " GROUP BY tenant HAVING SUM(bytes) <> 0 ORDER BY 1, 2";
+// A deleted asset has no bytes that its tenant could free: its row counts as a record alone.
+constexpr CountedTable kCountedTables[] = {
+    {"jobs",
+     "1024 + OCTET_LENGTH(@filename) + OCTET_LENGTH(@options_json) + OCTET_LENGTH(@timings_json)"
+     " + OCTET_LENGTH(@lost_workers) + OCTET_LENGTH(@error_detail) + OCTET_LENGTH(@error_expected)"
+     " + OCTET_LENGTH(@error_got)",
+     "1 = 1", "1 = 1",
+     "options_json, timings_json, lost_workers, error_detail, error_expected, error_got"},
+    {"job_events", "256 + OCTET_LENGTH(@data_json)", "1 = 1", "1 = 1", ""},
+    // The key is in the row and in its index.
+    {"idempotency_keys", "256 + 2 * OCTET_LENGTH(@idempotency_key)", "1 = 1", "1 = 1", ""},
+    {"results",
+     "1024 + OCTET_LENGTH(@filename) + OCTET_LENGTH(@meta_json) + OCTET_LENGTH(@warnings_json)",
+     "1 = 1", "1 = 0", "meta_json, warnings_json"},
+    {"frames", "512", "1 = 1", "1 = 0", ""},
+    {"assets",
+     "384 + OCTET_LENGTH(@filename) + OCTET_LENGTH(@content_type) + OCTET_LENGTH(@description_json)"
+     " + @files_bytes",
+     "@deleted_ms = 0", "@deleted_ms <> 0",
+     "filename, content_type, description_json, files_bytes, deleted_ms"},
+};
+
+std::string computed_usage() {
+  std::string sql =
+      "SELECT tenant, SUM(bytes), SUM(record_bytes) FROM ("
+      "  SELECT tenant, CASE WHEN bytes > 0 THEN bytes ELSE 0 END AS bytes, 0 AS record_bytes"
+      "  FROM holdings";
+  for (const CountedTable& table : kCountedTables) {
+    const std::string bytes = of_row(table.bytes, "");
+    sql += " UNION ALL SELECT tenant, CASE WHEN " + of_row(table.counts_if, "") + " THEN " + bytes +
+           " ELSE 0 END, CASE WHEN " + of_row(table.is_record_if, "") + " THEN " + bytes +
+           " ELSE 0 END FROM " + std::string(table.name);
+  }
+  return sql +
+         ") n GROUP BY tenant HAVING SUM(bytes) <> 0 OR SUM(record_bytes) <> 0 ORDER BY 1, 2, 3";
+}
 
 constexpr std::string_view kComputedHoldings =
     "SELECT tenant, blob, COUNT(*) FROM ("
@@ -272,16 +306,6 @@ constexpr std::string_view kComputedLiveJobs =
     "  FROM jobs WHERE state IN ('queued', 'running')) n"
     " GROUP BY tenant ORDER BY 1, 2, 3";
 
-constexpr DerivedRows kDerivedRows[] = {
-    {"holdings", "SELECT tenant, blob, refs FROM holdings ORDER BY 1, 2, 3", kComputedHoldings},
-    {"tenant_usage", "SELECT tenant, bytes FROM tenant_usage WHERE bytes <> 0 ORDER BY 1, 2",
-     kComputedUsage},
-    {"live_jobs",
-     "SELECT tenant, queued, running FROM live_jobs WHERE queued <> 0 OR running <> 0"
-     " ORDER BY 1, 2, 3",
-     kComputedLiveJobs},
-};
-
 }  // namespace
 
 int schema_version() {
@@ -299,7 +323,35 @@ std::string tables_sql(std::string_view row_number) {
 }
 
 std::span<const DerivedRows> derived_rows() {
-  return kDerivedRows;
+  static const std::string usage = computed_usage();
+  static const DerivedRows rows[] = {
+      {"holdings", "SELECT tenant, blob, refs FROM holdings ORDER BY 1, 2, 3", kComputedHoldings},
+      {"tenant_usage",
+       "SELECT tenant, bytes, record_bytes FROM tenant_usage WHERE bytes <> 0 OR record_bytes <> 0"
+       " ORDER BY 1, 2, 3",
+       usage},
+      {"live_jobs",
+       "SELECT tenant, queued, running FROM live_jobs WHERE queued <> 0 OR running <> 0"
+       " ORDER BY 1, 2, 3",
+       kComputedLiveJobs},
+  };
+  return rows;
+}
+
+std::span<const CountedTable> counted_tables() {
+  return kCountedTables;
+}
+
+std::string of_row(std::string_view sql, std::string_view row) {
+  std::string text;
+  for (const char c : sql) {
+    if (c == '@') {
+      text += row;
+    } else {
+      text += c;
+    }
+  }
+  return text;
 }
 
 }  // namespace voxeld

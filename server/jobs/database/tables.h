@@ -26,6 +26,22 @@ struct DerivedRows {
   std::string_view computed;  // the same from the rows that it follows from
 };
 std::span<const DerivedRows> derived_rows();
+// A table whose rows count towards their tenant in `tenant_usage`. Its triggers (sqlite_schema.cpp)
+// and derived_rows() follow from this. SQL has @ in front of each column, for which of_row() puts
+// the name of a row.
+struct CountedTable {
+  std::string_view name;
+  // Bytes that a row takes on the disk, with its entries in indexes: measured with SQLite, whose
+  // pages make a row of 2 to 4 KB up to a third longer than this.
+  std::string_view bytes;
+  // Conditions: the row counts in tenant_usage.bytes, and in record_bytes.
+  std::string_view counts_if, is_record_if;
+  std::string_view changing;  // columns of the above that an UPDATE may change; empty: none
+};
+std::span<const CountedTable> counted_tables();
+// `row`: "NEW.", for instance, or nothing.
+std::string of_row(std::string_view sql, std::string_view row);
+
 // One more rule, which two queries cannot state: an UPDATE of assets.used_ms, assets.deleted_ms or
 // results.used_ms sets aged_ms of the row to 0.
 

@@ -19,7 +19,8 @@ struct TenantLimits {
   int64_t requests_per_minute = 0;  // more: too-many-requests
   int64_t queued_jobs = 0;          // that wait at a time; more: too-many-requests
   // Bytes of assets, results, grids and sequences, each counted once per tenant, also if others
-  // have the same ones. More: quota-exceeded; payload-too-large for an upload that can never fit.
+  // have the same ones, and of rows: of assets, results, frames and jobs. More: quota-exceeded;
+  // payload-too-large for an upload that can never fit.
   int64_t bytes = 0;
   int64_t cells = 0;  // of one job, all frames; more: grid-too-large
   bool operator==(const TenantLimits&) const = default;
@@ -27,7 +28,8 @@ struct TenantLimits {
 
 struct TenantUsage {
   int64_t queued_jobs = 0, running_jobs = 0;
-  int64_t bytes = 0;
+  int64_t bytes = 0;         // as TenantLimits::bytes
+  int64_t record_bytes = 0;  // of rows that the sweep may remove: of jobs, and of deleted assets
 };
 
 // "10", "10/s" or "30/m" -> requests per minute; "0": none. Errors: invalid-option.

@@ -64,14 +64,11 @@ Result<std::optional<Asset>> find_own(SqlConnection& connection, const Caller& c
 
 // Writes the row of new bytes, or of ones that were deleted; of others what they are called.
 Status put_row(SqlConnection& connection, const ObjectStore& blobs, const Caller& caller,
-               const BlobInfo& blob, std::string_view filename, std::string_view content_type,
-               int64_t bytes_max) {
+               const BlobInfo& blob, std::string_view filename, std::string_view content_type) {
   if (!blobs.stat(blob.id)) {
     return Error{ErrorCode::kConflict, "the asset was deleted while it was uploaded; send it again",
                  "", ""};
   }
-  VOXELD_TRY(
-      check_tenant_bytes(connection, caller.tenant(), {{blob.id, blob.bytes}}, 0, bytes_max));
   return connection.run(
       "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant, used_ms)"
       " VALUES ($1, $2, $3, $4, $5, $6, $5) ON CONFLICT (id, tenant) DO UPDATE SET"
@@ -86,13 +83,13 @@ Status put_row(SqlConnection& connection, const ObjectStore& blobs, const Caller
 // changes only to one that is read alike: jobs that name none go by it.
 Result<Asset> put_named(SqlConnection& connection, const ObjectStore& blobs, const Caller& caller,
                         const BlobInfo& blob, const std::string& filename,
-                        const std::string& content_type, int64_t bytes_max) {
+                        const std::string& content_type) {
   VOXELD_ASSIGN(const std::optional<Asset> earlier, find_own(connection, caller, blob.id));
   const bool is_other = earlier && reading_of(earlier->filename) != reading_of(filename);
   const bool keeps_name = is_other || (earlier && filename.empty());
   const bool keeps_type = is_other || (earlier && content_type.empty());
   VOXELD_TRY(put_row(connection, blobs, caller, blob, keeps_name ? earlier->filename : filename,
-                     keeps_type ? earlier->content_type : content_type, bytes_max));
+                     keeps_type ? earlier->content_type : content_type));
   AssetId id{blob.id, std::nullopt};
   if (is_other) id.reading = reading_of(filename);
   const Caller owner = Caller::tenant(caller.tenant(), /*is_admin=*/false);
@@ -132,6 +129,14 @@ Status check_bundle_file(SqlConnection& connection, std::string_view tenant,
   VOXELD_ASSIGN(const auto inner, load_bundle(connection, tenant, file.asset));
   if (inner.empty()) return {};
   return Error{ErrorCode::kMalformedBundle, what + "it is a bundle itself", "a file", file.asset};
+}
+
+// What the rows of a bundle's files take on the disk, as CountedTable::bytes.
+int64_t bytes_of_rows(const std::vector<BundleFile>& files) {
+  constexpr int64_t kRowBytes = 384;
+  int64_t bytes = 0;
+  for (const BundleFile& file : files) bytes += kRowBytes + std::ssize(file.name);
+  return bytes;
 }
 
 // A manifest's rows; those of the same bytes are the same.
@@ -182,9 +187,9 @@ Result<Asset> AssetStore::put(const Caller& caller, const BlobInfo& blob,
                               int64_t bytes_max, Durability durability) {
   std::optional<Asset> asset;
   const auto put_it = [&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(asset,
-                  put_named(connection, blobs_, caller, blob, filename, content_type, bytes_max));
-    return {};
+    VOXELD_ASSIGN(const int64_t used, used_bytes(connection, caller.tenant()));
+    VOXELD_ASSIGN(asset, put_named(connection, blobs_, caller, blob, filename, content_type));
+    return check_growth(connection, caller.tenant(), used, bytes_max);
   };
   const Status committed = database_.write(put_it, durability);
   VOXELD_TRY(committed);
@@ -197,10 +202,13 @@ Result<Asset> AssetStore::put_bundle(const Caller& caller, const BlobInfo& blob,
                                      Durability durability) {
   std::optional<Asset> asset;
   const auto put_it = [&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const int64_t used, used_bytes(connection, caller.tenant()));
     VOXELD_TRY(put_files(connection, caller.tenant(), blob.id, files));
     VOXELD_ASSIGN(asset, put_named(connection, blobs_, caller, blob, filename,
-                                   std::string(kBundleMediaType), bytes_max));
-    return {};
+                                   std::string(kBundleMediaType)));
+    VOXELD_TRY(connection.run("UPDATE assets SET files_bytes = $3 WHERE id = $1 AND tenant = $2",
+                              blob.id, caller.tenant(), bytes_of_rows(files)));
+    return check_growth(connection, caller.tenant(), used, bytes_max);
   };
   const Status committed = database_.write(put_it, durability);
   VOXELD_TRY(committed);
@@ -271,7 +279,10 @@ Result<int64_t> AssetStore::remove_unneeded() {
                          " (SELECT tenant FROM assets WHERE id = $1 AND deleted_ms <> 0)",
                          id));
       // A negative size says that the bytes are gone, so that this row is not looked at again.
-      VOXELD_TRY(connection.run("UPDATE assets SET bytes = -1 WHERE id = $1", id));
+      VOXELD_TRY(
+          connection.run("UPDATE assets SET bytes = -1, filename = '', content_type = '',"
+                         " description_json = '', files_bytes = 0 WHERE id = $1",
+                         id));
       ++removed;
     }
     return {};

@@ -67,4 +67,28 @@ Status expire_result(SqlConnection& connection, const ExpiringResult& result, Ex
       result.seq);
 }
 
+Status forget_job(SqlConnection& connection, std::string_view id, Expiry why, Ids& ids) {
+  VOXELD_TRY(connection.run("DELETE FROM job_events WHERE job_id = $1", id));
+  VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE job_id = $1", id));
+  int64_t result = 0;
+  {
+    VOXELD_ASSIGN(SqlStatement row,
+                  connection.query("SELECT result_seq FROM jobs WHERE id = $1", id));
+    VOXELD_TRY(row.step());
+    result = row.int64(0);
+  }
+  VOXELD_TRY(connection.run("DELETE FROM jobs WHERE id = $1", id));
+  VOXELD_TRY(
+      connection.run("DELETE FROM results WHERE seq = $1 AND expired_ms <> 0"
+                     " AND NOT EXISTS (SELECT 1 FROM jobs WHERE result_seq = $1)",
+                     result));
+  VOXELD_ASSIGN(SqlStatement kept, connection.query("SELECT 1 FROM results WHERE job_id = $1"
+                                                    " AND expired_ms = 0 LIMIT 1",
+                                                    id));
+  VOXELD_ASSIGN(const bool is_kept, kept.step());
+  if (is_kept) return {};
+  VOXELD_TRY(expire_frames_of(connection, id, why, ids));
+  return connection.run("DELETE FROM frames WHERE job_id = $1", id);
+}
+
 }  // namespace voxeld

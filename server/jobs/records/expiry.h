@@ -24,6 +24,11 @@ Status expire_result(SqlConnection& connection, const ExpiringResult& result, Ex
 // The same of the frames of a job. Their rows stay until the job's goes.
 Status expire_frames_of(SqlConnection& connection, std::string_view job, Expiry why,
                         std::vector<std::string>& ids);
+// Inside the caller's transaction: removes the rows of a job that has ended: its own, its events,
+// its Idempotency-Key, and those of its result and frames where these have expired. A result that
+// has not expired stays, since equal jobs get it. Adds the blobs that may go to `ids`.
+Status forget_job(SqlConnection& connection, std::string_view id, Expiry why,
+                  std::vector<std::string>& ids);
 
 // Adds the texts of the first column of all rows, without empty ones.
 Status collect_ids(SqlStatement rows, std::vector<std::string>& ids);

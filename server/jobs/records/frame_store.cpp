@@ -68,8 +68,9 @@ Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, const Blo
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto tenant, current_tenant(connection, frame));
     if (!tenant) return {};
-    VOXELD_TRY(check_tenant_bytes(connection, *tenant, {{grid.id, grid.bytes}}, 0, bytes_max));
+    VOXELD_ASSIGN(const int64_t used, used_bytes(connection, *tenant));
     VOXELD_TRY(insert_frame(connection, frame, grid, *tenant));
+    VOXELD_TRY(check_growth(connection, *tenant, used, bytes_max));
     if (frames_total > 0) {
       VOXELD_TRY(connection.run("UPDATE jobs SET frames_total = $2 WHERE id = $1", frame.task,
                                 frames_total));

@@ -36,9 +36,10 @@ Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
   VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
   VOXELD_TRY(connection.run(
-      "INSERT INTO job_events (job_id, id, type, data_json, created_ms) VALUES ($1, "
-      "$2, $3, $4, $5)",
-      id, record.status.version, "state", job_event_text(record.status), unix_time_ms()));
+      "INSERT INTO job_events (job_id, id, type, data_json, created_ms, tenant) VALUES ($1, "
+      "$2, $3, $4, $5, $6)",
+      id, record.status.version, "state", job_event_text(record.status), unix_time_ms(),
+      record.tenant));
   return record;
 }
 

@@ -14,6 +14,7 @@
 #include "server/jobs/model/job_record.h"
 #include "server/jobs/model/request_hash.h"
 #include "server/jobs/records/asset_store.h"
+#include "server/jobs/records/expiry.h"
 #include "server/jobs/records/job_changes.h"
 #include "server/jobs/records/job_queue.h"
 #include "server/jobs/records/job_rows.h"
@@ -240,8 +241,7 @@ Status describe_asset(SqlConnection& connection, const JobRecord& job,
 }
 
 Status end_with_result(SqlConnection& connection, const JobRecord& running,
-                       const FinishedTask& task, const LiveJob& live) {
-  VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, running, task));
+                       const FinishedTask& task, int64_t result_seq, const LiveJob& live) {
   VOXELD_TRY(connection.run(
       "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"
       " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1,"
@@ -290,8 +290,7 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     if (cached == 0) {
       VOXELD_TRY(check_queue(connection, tenant, limits));
     }
-    VOXELD_TRY(
-        check_tenant_bytes(connection, tenant, {}, row_bytes({options_json}), limits.bytes_max));
+    VOXELD_ASSIGN(const int64_t used, used_bytes(connection, tenant));
     VOXELD_TRY(insert_job(connection,
                           {request, options, id, hash, tenant, asset_tenant, options_json}, now));
     if (cached != 0) VOXELD_TRY(end_with_cached(connection, id, cached, now));
@@ -300,7 +299,8 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     }
     VOXELD_ASSIGN(JobRecord record, record_change(connection, id));
     submitted = Submitted{std::move(record), false};
-    return {};
+    VOXELD_TRY(check_growth(connection, tenant, used, limits.bytes_max));
+    return check_records(connection, tenant, limits.record_bytes_max);
   };
   VOXELD_TRY(database_.write(insert, options.transient ? Durability::kSoon : Durability::kNow));
   return *std::move(submitted);
@@ -368,16 +368,13 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task, co
   const auto end = [&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
     if (!running) return {};
-    const JobResult& result = task.result;
-    const std::string warnings = warnings_text(result.warnings);
-    const Status kept = check_tenant_bytes(connection, running->tenant,
-                                           {{result.blob, result.bytes},
-                                            {result.grid, task.grid_bytes},
-                                            {result.sequence, task.sequence_bytes}},
-                                           row_bytes({result.meta_json, warnings}), task.bytes_max);
+    VOXELD_ASSIGN(const int64_t used, used_bytes(connection, running->tenant));
+    VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, *running, task));
+    const Status kept = check_growth(connection, running->tenant, used, task.bytes_max);
     if (kept) {
-      VOXELD_TRY(end_with_result(connection, *running, task, live));
+      VOXELD_TRY(end_with_result(connection, *running, task, result_seq, live));
     } else {
+      VOXELD_TRY(connection.run("DELETE FROM results WHERE seq = $1", result_seq));
       VOXELD_TRY(end_with_error(connection, task.task, kept.error(), live));
     }
     VOXELD_ASSIGN(ended, record_change(connection, task.task));
@@ -418,6 +415,21 @@ Result<JobRecord> JobStore::cancel(const Caller& caller, std::string_view id) {
   });
   VOXELD_TRY(committed);
   return *std::move(result);
+}
+
+Result<std::vector<std::string>> JobStore::forget(const Caller& caller, std::string_view id) {
+  std::vector<std::string> ids;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const JobRecord record, load_job(connection, caller, id, JobTexts::kBrief));
+    if (!record.status.ended()) {
+      return Error{ErrorCode::kConflict,
+                   "the job " + std::string(id) + " has not ended; cancel it first",
+                   "done, failed or cancelled", std::string(job_state_name(record.status.state))};
+    }
+    return forget_job(connection, id, Expiry::kDeleted, ids);
+  });
+  VOXELD_TRY(committed);
+  return ids;
 }
 
 Result<JobStore::Expired> JobStore::expire(int64_t now_ms) {

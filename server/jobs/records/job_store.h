@@ -71,7 +71,8 @@ class JobStore {
   // Inserts a job: queued, or done at once when an equal one of the same tenant has a result and
   // use_cache is on. An empty filename becomes the asset's. Errors: not-found (asset, file of a
   // bundle, grid, sequence), gone, invalid-option, queue-full, too-many-requests (of the tenant's
-  // own jobs wait too many, see quota.h), quota-exceeded (long options), idempotency-mismatch.
+  // own jobs wait too many, see quota.h), quota-exceeded (rows count, too),
+  // idempotency-mismatch.
   Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
                            const QueueLimits& limits);
 
@@ -111,6 +112,10 @@ class JobStore {
   Result<std::optional<JobRecord>> preempt(const TaskPreemption& preempt, const LiveJob& live);
   // Idempotent. Queued: cancelled. Running: marked; its worker is told. Errors: not-found.
   Result<JobRecord> cancel(const Caller& caller, std::string_view id);
+  // Removes the record of a job that has ended, with its events and its Idempotency-Key. Its result
+  // stays, as its tenant lists it. Returns the blobs that may go. Errors: not-found, conflict for a
+  // job that has not ended.
+  Result<std::vector<std::string>> forget(const Caller& caller, std::string_view id);
 
   // Ends queued jobs whose deadline has passed.
   struct Expired {

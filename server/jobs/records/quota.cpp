@@ -1,8 +1,7 @@
 #include "server/jobs/records/quota.h"
 
-#include <algorithm>
 #include <string>
-#include <vector>
+#include <utility>
 
 namespace voxeld {
 namespace {
@@ -13,19 +12,6 @@ constexpr std::string_view kAllTenants = "*";
 Result<int64_t> one_number(SqlStatement statement) {
   VOXELD_ASSIGN(const bool row, statement.step());
   return row ? statement.int64(0) : int64_t{0};
-}
-
-Result<int64_t> used_bytes(SqlConnection& connection, std::string_view tenant) {
-  VOXELD_ASSIGN(SqlStatement found,
-                connection.query("SELECT bytes FROM tenant_usage WHERE tenant = $1", tenant));
-  return one_number(std::move(found));
-}
-
-Result<bool> has_blob(SqlConnection& connection, std::string_view tenant, std::string_view id) {
-  VOXELD_ASSIGN(
-      SqlStatement found,
-      connection.query("SELECT 1 FROM holdings WHERE tenant = $1 AND blob = $2", tenant, id));
-  return found.step();
 }
 
 }  // namespace
@@ -47,7 +33,13 @@ Result<TenantUsage> tenant_usage(SqlConnection& connection, std::string_view ten
   VOXELD_ASSIGN(const LiveJobs live, live_jobs(connection, tenant));
   usage.queued_jobs = live.queued;
   usage.running_jobs = live.running;
-  VOXELD_ASSIGN(usage.bytes, used_bytes(connection, tenant));
+  VOXELD_ASSIGN(
+      SqlStatement row,
+      connection.query("SELECT bytes, record_bytes FROM tenant_usage WHERE tenant = $1", tenant));
+  VOXELD_ASSIGN(const bool found, row.step());
+  if (!found) return usage;
+  usage.bytes = row.int64(0);
+  usage.record_bytes = row.int64(1);
   return usage;
 }
 
@@ -70,12 +62,6 @@ Status check_queue(SqlConnection& connection, std::string_view tenant, const Que
       std::to_string(own.queued)};
 }
 
-int64_t row_bytes(std::initializer_list<std::string_view> texts) {
-  int64_t bytes = -kRowBytesFree;
-  for (const std::string_view text : texts) bytes += static_cast<int64_t>(text.size());
-  return std::max<int64_t>(bytes, 0);
-}
-
 Result<int64_t> longest_blob(SqlConnection& connection, std::string_view tenant) {
   VOXELD_ASSIGN(SqlStatement found, connection.query("SELECT bytes FROM holdings WHERE tenant = $1"
                                                      " ORDER BY bytes DESC LIMIT 1",
@@ -90,21 +76,29 @@ Result<bool> has_blob_of(SqlConnection& connection, std::string_view tenant, int
   return found.step();
 }
 
-Status check_tenant_bytes(SqlConnection& connection, std::string_view tenant,
-                          std::initializer_list<NewBlob> blobs, int64_t in_rows,
-                          int64_t bytes_max) {
+Result<int64_t> used_bytes(SqlConnection& connection, std::string_view tenant) {
+  VOXELD_ASSIGN(SqlStatement found,
+                connection.query("SELECT bytes FROM tenant_usage WHERE tenant = $1", tenant));
+  return one_number(std::move(found));
+}
+
+Status check_growth(SqlConnection& connection, std::string_view tenant, int64_t used_before,
+                    int64_t bytes_max) {
   if (bytes_max <= 0) return {};
-  int64_t asked = in_rows;
-  std::vector<std::string_view> counted;
-  for (const NewBlob& blob : blobs) {
-    if (blob.id.empty() || std::ranges::count(counted, blob.id) != 0) continue;
-    counted.push_back(blob.id);
-    VOXELD_ASSIGN(const bool has, has_blob(connection, tenant, blob.id));
-    if (!has) asked += blob.bytes;
-  }
   VOXELD_ASSIGN(const int64_t used, used_bytes(connection, tenant));
-  if (asked == 0 || asked <= bytes_max - used) return {};
-  return bytes_error(asked, used, bytes_max);
+  if (used <= used_before || used <= bytes_max) return {};
+  return bytes_error(used - used_before, used_before, bytes_max);
+}
+
+Status check_records(SqlConnection& connection, std::string_view tenant, int64_t bytes_max) {
+  if (bytes_max <= 0) return {};
+  VOXELD_ASSIGN(const TenantUsage usage, tenant_usage(connection, tenant));
+  if (usage.record_bytes <= bytes_max) return {};
+  return Error{ErrorCode::kTooManyRequests,
+               "the records of this tenant's jobs take their share of the disk; those of jobs that"
+               " ended are being removed, try again later",
+               "at most " + std::to_string(bytes_max) + " bytes",
+               std::to_string(usage.record_bytes)};
 }
 
 Error bytes_error(int64_t asked, int64_t used, int64_t bytes_max) {

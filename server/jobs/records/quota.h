@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <initializer_list>
 #include <string_view>
 
 #include "proto/result.h"
@@ -30,29 +29,27 @@ struct QueueLimits {
   // Hahne, "Dynamic Queue Length Thresholds for Shared-Memory Packet Switches" (1998). One tenant
   // can fill half of the queue, n tenants n/(n + 1) of it; whoever has no job there finds a place.
   bool is_shared = false;
-  int64_t bytes_max = 0;  // that the tenant may keep, with the rows of its jobs; 0: any
+  int64_t bytes_max = 0;         // that the tenant may keep, with the rows of its jobs; 0: any
+  int64_t record_bytes_max = 0;  // of TenantUsage::record_bytes; 0: any
 };
 // That one more job of the tenant may wait. Errors: too-many-requests, queue-full.
 Status check_queue(SqlConnection& connection, std::string_view tenant, const QueueLimits& limits);
-
-// Bytes of a row's texts that do not count; the triggers of schema step 10 have the same number.
-inline constexpr int64_t kRowBytesFree = 4096;
-// The bytes by which a row with these texts counts towards its tenant's quota.
-int64_t row_bytes(std::initializer_list<std::string_view> texts);
 
 // The length of the tenant's longest blob; 0 if it has none.
 Result<int64_t> longest_blob(SqlConnection& connection, std::string_view tenant);
 // Whether a blob of the tenant is so long.
 Result<bool> has_blob_of(SqlConnection& connection, std::string_view tenant, int64_t bytes);
 
-struct NewBlob {
-  std::string_view id;  // empty: none
-  int64_t bytes = 0;
-};
-// That the tenant may have these, and `in_rows` bytes in new rows, too; what it has already costs
-// nothing. Errors: quota-exceeded, payload-too-large.
-Status check_tenant_bytes(SqlConnection& connection, std::string_view tenant,
-                          std::initializer_list<NewBlob> blobs, int64_t in_rows, int64_t bytes_max);
+// The bytes of the tenant's blobs and rows.
+Result<int64_t> used_bytes(SqlConnection& connection, std::string_view tenant);
+// That the tenant may have what it got in this transaction since used_bytes() was `used_before`. An
+// error is for the caller to undo that. `bytes_max` 0: any. Errors: quota-exceeded,
+// payload-too-large.
+Status check_growth(SqlConnection& connection, std::string_view tenant, int64_t used_before,
+                    int64_t bytes_max);
+// That the rows of the tenant's jobs do not take more than their share of the disk. `bytes_max` 0:
+// any. Errors: too-many-requests, since the sweep removes those of jobs that ended.
+Status check_records(SqlConnection& connection, std::string_view tenant, int64_t bytes_max);
 
 // The error for `asked` bytes that do not fit beside `used`: payload-too-large if they never could,
 // else quota-exceeded.

@@ -8,7 +8,6 @@
 #include "proto/messages/job.h"
 #include "server/jobs/model/results.h"
 #include "server/jobs/records/expiry.h"
-#include "server/jobs/records/quota.h"
 #include "server/jobs/records/visibility.h"
 
 namespace voxeld {
@@ -61,16 +60,6 @@ Result<std::optional<JobRow>> find_job(SqlConnection& connection, const Caller& 
       JobRow{job_state_from_name(row.text(0)).value_or(JobState::kFailed), row.int64(1)});
 }
 
-// Options that count towards their tenant's bytes go with the result.
-Status forget_long_options(SqlConnection& connection, std::string_view job, int64_t result_seq) {
-  constexpr std::string_view kForget =
-      "UPDATE jobs SET options_json = '{}' WHERE OCTET_LENGTH(options_json) > $2 AND ";
-  VOXELD_TRY(connection.run(std::string(kForget) + "id = $1", job, kRowBytesFree));
-  if (result_seq == 0) return {};
-  return connection.run(std::string(kForget) + "result_seq = $1 AND result_seq <> 0", result_seq,
-                        kRowBytesFree);
-}
-
 // The result of a job whose row has expired is found by the job's id.
 Status delete_of_forgotten(SqlConnection& connection, const Caller& caller, std::string_view job,
                            Ids& ids) {
@@ -89,7 +78,6 @@ Status delete_of(SqlConnection& connection, const Caller& caller, std::string_vi
                  "done, failed or cancelled", std::string(job_state_name(row->state))};
   }
   VOXELD_TRY(check_stored_result(connection, job));
-  VOXELD_TRY(forget_long_options(connection, job, row->result_seq));
   if (row->result_seq == 0) return expire_frames_of(connection, job, Expiry::kDeleted, ids);
   VOXELD_ASSIGN(SqlStatement found, connection.query("SELECT seq, job_id FROM results"
                                                      " WHERE seq = $1 AND expired_ms = 0",

@@ -45,30 +45,6 @@ Result<std::vector<ExpiringResult>> old_results(SqlConnection& connection, std::
   }
 }
 
-Status trim_job(SqlConnection& connection, std::string_view id, Ids& ids) {
-  VOXELD_TRY(connection.run("DELETE FROM job_events WHERE job_id = $1", id));
-  VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE job_id = $1", id));
-  int64_t result = 0;
-  {
-    VOXELD_ASSIGN(SqlStatement row,
-                  connection.query("SELECT result_seq FROM jobs WHERE id = $1", id));
-    VOXELD_TRY(row.step());
-    result = row.int64(0);
-  }
-  VOXELD_TRY(connection.run("DELETE FROM jobs WHERE id = $1", id));
-  VOXELD_TRY(
-      connection.run("DELETE FROM results WHERE seq = $1 AND expired_ms <> 0"
-                     " AND NOT EXISTS (SELECT 1 FROM jobs WHERE result_seq = $1)",
-                     result));
-  VOXELD_ASSIGN(SqlStatement kept, connection.query("SELECT 1 FROM results WHERE job_id = $1"
-                                                    " AND expired_ms = 0 LIMIT 1",
-                                                    id));
-  VOXELD_ASSIGN(const bool is_kept, kept.step());
-  if (is_kept) return {};
-  VOXELD_TRY(expire_frames_of(connection, id, Expiry::kAged, ids));
-  return connection.run("DELETE FROM frames WHERE job_id = $1", id);
-}
-
 Status forget_assets(SqlConnection& connection, int64_t aged_before_ms) {
   constexpr std::string_view kOld =
       " (SELECT id, tenant FROM assets WHERE bytes < 0 AND aged_ms <> 0 AND aged_ms < $1"
@@ -272,12 +248,64 @@ Result<int64_t> Retention::trim_jobs(int64_t aged_before_ms, int64_t count_max) 
                                      aged_before_ms, std::min(count_max, kBatch)));
       VOXELD_TRY(collect_ids(std::move(rows), jobs));
     }
-    for (const std::string& job : jobs) VOXELD_TRY(trim_job(connection, job, ids));
+    for (const std::string& job : jobs) {
+      VOXELD_TRY(forget_job(connection, job, Expiry::kAged, ids));
+    }
     return forget_assets(connection, aged_before_ms);
   });
   VOXELD_TRY(committed);
   VOXELD_TRY(remove(ids));
   return static_cast<int64_t>(jobs.size());
+}
+
+Result<int64_t> Retention::trim_records(int64_t record_bytes_max) {
+  std::vector<std::string> tenants;
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    VOXELD_ASSIGN(SqlStatement rows,
+                  reader->query("SELECT tenant FROM tenant_usage WHERE record_bytes > $1"
+                                " ORDER BY record_bytes DESC LIMIT $2",
+                                record_bytes_max, kBatch));
+    while (true) {
+      VOXELD_ASSIGN(const bool row, rows.step());
+      if (!row) break;
+      tenants.push_back(rows.text(0));
+    }
+  }
+  int64_t trimmed = 0;
+  for (const std::string& tenant : tenants) {
+    VOXELD_ASSIGN(const int64_t of_tenant, trim_records_of(tenant));
+    trimmed += of_tenant;
+  }
+  return trimmed;
+}
+
+Result<int64_t> Retention::trim_records_of(std::string_view tenant) {
+  Ids ids, jobs;
+  int64_t assets = 0;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    {
+      VOXELD_ASSIGN(SqlStatement rows,
+                    connection.query("SELECT id FROM jobs WHERE tenant = $1 AND ended_ms <> 0"
+                                     " ORDER BY seq LIMIT $2",
+                                     tenant, kBatch));
+      VOXELD_TRY(collect_ids(std::move(rows), jobs));
+    }
+    for (const std::string& job : jobs) {
+      VOXELD_TRY(forget_job(connection, job, Expiry::kAged, ids));
+    }
+    if (!jobs.empty()) return {};
+    VOXELD_TRY(
+        connection.run("DELETE FROM assets WHERE tenant = $1 AND id IN"
+                       " (SELECT id FROM assets WHERE tenant = $1 AND bytes < 0"
+                       "  ORDER BY deleted_ms LIMIT $2) AND bytes < 0",
+                       tenant, kBatch));
+    assets = connection.changes();
+    return {};
+  });
+  VOXELD_TRY(committed);
+  VOXELD_TRY(remove(ids));
+  return static_cast<int64_t>(jobs.size()) + assets;
 }
 
 Result<int64_t> Retention::remove_suspects() {

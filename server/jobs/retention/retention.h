@@ -51,6 +51,12 @@ class Retention {
   // Results that have not expired stay: equal jobs are answered by them.
   Result<int64_t> trim_jobs(int64_t aged_before_ms, int64_t count_max);
 
+  // Of each tenant whose records take more than this (TenantUsage::record_bytes): the rows of jobs
+  // that ended, in the order of their arrival, then what remembers deleted assets.
+  Result<int64_t> trim_records(int64_t record_bytes_max);
+  // Gives room of removed rows back to the disk. Returns how many bytes.
+  Result<int64_t> reclaim() { return database_.reclaim(); }
+
   // The suspects of the store that no row names: of failed uploads, and blobs that were being
   // uploaded, or worked on, when they were deleted.
   Result<int64_t> remove_suspects();
@@ -65,6 +71,7 @@ class Retention {
  private:
   Result<int64_t> expire_results_by(std::string_view column, int64_t before_ms, int64_t count_max,
                                     int64_t bytes_wanted);
+  Result<int64_t> trim_records_of(std::string_view tenant);
   // `quarantine_day`: as of remove_blobs().
   Result<int64_t> remove(const std::vector<std::string>& ids, std::string_view quarantine_day = {});
   Result<int64_t> remove_unnamed(const std::vector<std::string>& ids,

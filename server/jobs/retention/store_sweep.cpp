@@ -119,6 +119,7 @@ void StoreSweep::sweep() {
               {{"step", "suspects"}, {"error", unnamed.error().message()}});
   }
   make_room();
+  trim_records();
   remove_deleted();
   blobs_.disk().keep_ballast();
   metrics_.set_store(blobs_.bytes(), blobs_.damaged_count());
@@ -225,6 +226,18 @@ void StoreSweep::make_room() {
   if (evicted > 0) {
     log::info("made room in the store", {{"results", evicted}, {"bytes", blobs_.bytes()}});
   }
+}
+
+// Down to half of the share, so that it is not reached again at once.
+void StoreSweep::trim_records() {
+  if (const auto record_bytes_max = blobs_.disk().record_bytes_max()) {
+    const int64_t gone =
+        until_none("records", [&] { return retention_.trim_records(*record_bytes_max / 2); });
+    if (gone > 0) {
+      log::info("removed the oldest records of tenants that have many", {{"records", gone}});
+    }
+  }
+  (void)until_none("free pages of the database", [&] { return retention_.reclaim(); });
 }
 
 Status StoreSweep::room() const {

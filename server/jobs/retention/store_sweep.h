@@ -17,7 +17,8 @@
 
 namespace voxeld {
 
-// Thread-safe. Looks at the store's size, at deleted assets and at its suspects every second, at
+// Thread-safe. Looks at the store's size, at tenants' shares of rows, at deleted assets and at its
+// suspects every second, at
 // deleted assets also when it is told to, and at ages every ten;
 // among all blobs it looks for those that no row names, which go to quarantine, when it starts and
 // once a day.
@@ -43,6 +44,7 @@ class StoreSweep {
   void sweep();
   void sweep_orphans();
   void make_room();
+  void trim_records();
   void expire(AgeBudget& budget, Retention::Aged what, double keep_days, const char* reason,
               const std::function<Result<int64_t>(int64_t before_ms, int64_t count_max)>& batch);
   void remove_deleted();

@@ -129,7 +129,9 @@ void Service::verify_reusable(const Caller& caller, const JobRequest& request) {
 QueueLimits Service::queue_limits(const Caller& caller) {
   const TenantLimits own = limits(caller);
   const bool is_shared = config_.is_queue_shared && config_.is_queue_shared();
-  return {config_.queued_jobs_max, own.queued_jobs, is_shared, own.bytes};
+  const auto record_bytes_max = blobs_.disk().record_bytes_max();
+  return {config_.queued_jobs_max, own.queued_jobs, is_shared, own.bytes,
+          record_bytes_max ? *record_bytes_max : 0};
 }
 
 Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& request,
@@ -245,6 +247,13 @@ Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
     overlay(record.status);
   }
   return record.status;
+}
+
+Status Service::forget(const Caller& caller, std::string_view id) {
+  VOXELD_TRY(let_go(jobs_.forget(caller, id)));
+  // All that stays of the job.
+  log::info("job record removed", {{"job", std::string(id)}, {"tenant", caller.tenant()}});
+  return {};
 }
 
 Result<StoredBlob> Service::stored(std::string_view id, std::string_view what) {

@@ -85,8 +85,9 @@ class JobService {
   // Durable when it returns, with its input, unless it is transient. Equal work of the same tenant
   // that is done already (same input, canonical options and algorithm version) comes back at once
   // with `cached` set, unless use_cache is off. Errors: not-found (asset, file of a bundle, grid,
-  // sequence), gone, invalid-option, queue-full, too-many-requests (the tenant's own jobs),
-  // idempotency-mismatch, shutting-down, storage-full where the disk has no room for more rows.
+  // sequence), gone, invalid-option, queue-full, too-many-requests (the tenant's own jobs, or their
+  // records), quota-exceeded, idempotency-mismatch, shutting-down, storage-full where the disk has
+  // no room for more rows.
   virtual Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                                    const SubmitOptions& options) = 0;
   // The status that submit() would return now, without a job: estimate, place in the queue and
@@ -110,6 +111,9 @@ class JobService {
                                                int64_t after_id) = 0;
   // Idempotent. A running job ends within a tile.
   virtual Result<JobStatus> cancel(const Caller& caller, std::string_view id) = 0;
+  // Removes the record of a job that has ended; only the log keeps its id. Its result stays.
+  // Errors: not-found, conflict for a job that has not ended.
+  virtual Status forget(const Caller& caller, std::string_view id) = 0;
   // In brief, with its result's file, both as they are at one moment. Errors: not-found.
   virtual Result<JobAndResult> get_with_result(const Caller& caller, std::string_view id) = 0;
   // The bytes that a finished job left. Errors: not-found; conflict before it is done; gone when

@@ -106,6 +106,7 @@ class Service final : public JobService {
   Result<std::vector<JobEvent>> events(const Caller& caller, std::string_view id,
                                        int64_t after_id) override;
   Result<JobStatus> cancel(const Caller& caller, std::string_view id) override;
+  Status forget(const Caller& caller, std::string_view id) override;
   Result<JobAndResult> get_with_result(const Caller& caller, std::string_view id) override;
   Result<StoredBlob> result_of(const JobStatus& status) override;
 

@@ -54,6 +54,21 @@ TEST_F(JobsApi, while_memory_is_short_new_work_is_refused_and_the_rest_goes_on) 
   hold_memory_reserve(0);
 }
 
+TEST_F(JobsApi, delete_cancels_a_job_and_then_removes_its_record) {
+  const std::string id = submit();
+  const HttpResponse cancelled = request("DELETE", "/v1/jobs/" + id);
+  EXPECT_EQ(cancelled.status, 200);
+  EXPECT_EQ(json(cancelled).value("state", ""), "cancelled");
+  EXPECT_EQ(get("/v1/jobs/" + id).status, 200);
+  const HttpResponse removed = request("DELETE", "/v1/jobs/" + id);
+  EXPECT_EQ(removed.status, 200);
+  EXPECT_EQ(json(removed).value("state", ""), "cancelled") << "as it was last";
+  for (const char* path : {"", "/events", "/result"}) {
+    EXPECT_EQ(get("/v1/jobs/" + id + path).status, 404) << path;
+  }
+  EXPECT_EQ(request("DELETE", "/v1/jobs/" + id).status, 404);
+}
+
 TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {
   const HttpResponse sent = post_job();
   EXPECT_EQ(sent.status, 202);

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "server/jobs/database/sqlite_connection.h"
 #include "server/jobs/service/job_service.h"
 #include "server/store/blob_store.h"
 #include "tests/unit/base/comes_true.h"
@@ -66,6 +67,15 @@ class ServiceTest : public ::testing::Test {
     request.asset = put_asset(text);
     request.options.animation.animation = "0";
     return request;
+  }
+  // Bytes of the tenant's blobs: its usage without rows.
+  int64_t blob_bytes(const Caller& caller) {
+    auto reader =
+        SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kReader);
+    EXPECT_TRUE(reader);
+    auto sum = reader->query("SELECT SUM(bytes) FROM holdings WHERE tenant = $1", caller.tenant());
+    EXPECT_TRUE(sum && sum->step());
+    return sum->int64(0);
   }
   JobStatus wait_end(const std::string& id) {
     return testing::wait_end(*service_, Caller::open(), id).value();

@@ -23,6 +23,7 @@ class PlainDatabase final : public Database {
   Status write(const Operation& operation, Durability durability) override EXCLUDES(mutex_);
   Status sync() override { return {}; }
   Status write_freeing(const Operation& operation) override EXCLUDES(mutex_);
+  Result<int64_t> reclaim() override { return int64_t{0}; }
   void set_make_way(std::function<bool()> make_way) override { make_way_ = std::move(make_way); }
   void tell_generation(std::function<void(int64_t)> told) override { told_ = std::move(told); }
   Result<Lease> read() override;

@@ -50,6 +50,36 @@ TEST_F(SqliteDatabaseTest, a_committed_write_is_seen_by_readers_and_after_reopen
   EXPECT_EQ(count_keys(*open()), 1);
 }
 
+TEST_F(SqliteDatabaseTest, the_file_becomes_short_again_once_rows_are_removed) {
+  auto database = open();
+  const auto file_bytes = [&] { return std::filesystem::file_size(path()); };
+  ASSERT_TRUE(database->write([](SqlConnection& c) -> Status {
+    for (int i = 0; i < 4000; ++i) {
+      VOXELD_TRY(add_key(c, std::string(3000, 'k') + std::to_string(i)));
+    }
+    return {};
+  }));
+  ASSERT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "kept"); }));
+  ASSERT_TRUE(database->write([](SqlConnection& c) {
+    return c.run("DELETE FROM idempotency_keys WHERE idempotency_key <> 'kept'");
+  }));
+  EXPECT_GT(file_bytes(), 20'000'000U);
+  int64_t freed = 0;
+  int calls = 0;
+  while (true) {
+    const auto bytes = database->reclaim();
+    ASSERT_TRUE(bytes) << bytes.error().message();
+    if (*bytes == 0) break;
+    freed += *bytes;
+    ++calls;
+  }
+  EXPECT_GT(freed, 20'000'000);
+  EXPECT_GT(calls, 3) << "others can write in between";
+  EXPECT_LT(file_bytes(), 3'000'000U);
+  EXPECT_LE(std::filesystem::file_size(path().string() + "-wal"), 9U << 20);
+  EXPECT_EQ(count_keys(*database), 1);
+}
+
 TEST_F(SqliteDatabaseTest, parameters_bind_by_their_number_not_by_their_place) {
   auto database = open();
   auto reader = database->read();

@@ -239,6 +239,23 @@ TEST_F(JobStoreTest, cancelling_a_queued_job_ends_it_and_again_changes_nothing) 
   EXPECT_FALSE(store_->claim("w").value().has_value());
 }
 
+TEST_F(JobStoreTest, a_tenant_whose_records_take_their_share_of_the_disk_waits_for_the_sweep) {
+  const std::string asset = put_asset("mesh");
+  const std::string first = submit(request(asset)).status.id;
+  const int64_t records = store_->usage("").value().record_bytes;
+  EXPECT_GT(records, 1024);
+  const QueueLimits limits{.in_all = 100, .record_bytes_max = records + 500};
+  const auto refused = store_->submit(Caller::open(), request(asset), {}, limits);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kTooManyRequests);
+  EXPECT_EQ(refused.error().expected, "at most " + std::to_string(records + 500) + " bytes");
+  EXPECT_EQ(store_->usage("").value().record_bytes, records) << "nothing of it stays";
+  ASSERT_TRUE(store_->cancel(Caller::open(), first));
+  ASSERT_TRUE(store_->forget(Caller::open(), first));
+  EXPECT_TRUE(store_->submit(Caller::open(), request(asset), {},
+                             {.in_all = 100, .record_bytes_max = 10'000}));
+}
+
 TEST_F(JobStoreTest, cancelling_a_running_job_marks_it_and_it_ends_as_cancelled) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
   const JobRecord running = claim();

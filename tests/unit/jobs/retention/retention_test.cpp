@@ -67,6 +67,12 @@ class RetentionTest : public ::testing::Test {
   Status sql(const std::string& text) {
     return database_->write([&](SqlConnection& c) { return c.run(text); });
   }
+  int64_t blob_bytes() {
+    auto reader = database_->read();
+    auto sum = (*reader)->query("SELECT SUM(bytes) FROM holdings");
+    EXPECT_TRUE(sum && sum->step());
+    return sum->int64(0);
+  }
   int64_t count(const std::string& from) {
     auto reader = database_->read();
     auto rows = (*reader)->query("SELECT COUNT(*) FROM " + from);
@@ -180,16 +186,54 @@ TEST_F(RetentionTest, what_expired_is_not_counted_as_kept) {
   task.grid_bytes = 4;
   task.result.meta_json = "{}";
   ASSERT_TRUE(jobs_.complete(task, 1).value());
-  EXPECT_EQ(jobs_.usage("").value().bytes, 4 + 5 + 6 + 4);  // the mesh, the frame, the result
+  EXPECT_EQ(blob_bytes(), 4 + 5 + 6 + 4);  // the mesh, the frame, the result
   EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 1);
   age_all();
   retention_.expire_frames(kEndOfTimeMs).value();
-  EXPECT_EQ(jobs_.usage("").value().bytes, 4);
+  EXPECT_EQ(blob_bytes(), 4);
   // Its rows go later, and are not taken off twice.
   age_all();
   EXPECT_EQ(retention_.trim_jobs(kEndOfTimeMs, 100).value(), 1);
   EXPECT_EQ(count("results"), 0);
-  EXPECT_EQ(jobs_.usage("").value().bytes, 4);
+  EXPECT_EQ(blob_bytes(), 4);
+  EXPECT_EQ(jobs_.usage("").value().record_bytes, 0);
+}
+
+TEST_F(RetentionTest, over_their_share_the_oldest_records_of_a_tenant_go_and_no_others) {
+  const Caller other = Caller::tenant("other", false);
+  const std::string asset = put_asset("mesh");
+  std::vector<std::string> ended;
+  for (int i = 0; i < 10; ++i) ended.push_back(made("mesh", "result " + std::to_string(i)).id);
+  const std::string queued = submit(asset, /*use_cache=*/false).id;
+  ASSERT_TRUE(assets_.put(other, {asset, 4}, "a.ply", "", 0));
+  JobRequest theirs;
+  theirs.asset = asset;
+  const std::string of_other = jobs_.submit(other, theirs, {}, {100, 0}).value().record.status.id;
+  ASSERT_TRUE(jobs_.cancel(other, of_other));
+  const int64_t all = jobs_.usage("").value().record_bytes;
+  EXPECT_EQ(retention_.trim_records(all).value(), 0) << "within the share";
+  EXPECT_EQ(retention_.trim_records(all - 1).value(), 10);
+  for (const std::string& id : ended) EXPECT_FALSE(jobs_.get(Caller::open(), id)) << id;
+  EXPECT_TRUE(jobs_.get(Caller::open(), queued));
+  EXPECT_TRUE(jobs_.get(other, of_other));
+  EXPECT_TRUE(stored("result 3")) << "results stay";
+  EXPECT_EQ(count("job_events"), 1 + 2);
+  EXPECT_EQ(retention_.trim_records(1).value(), 1) << "of the other tenant";
+  EXPECT_EQ(retention_.trim_records(1).value(), 0) << "live jobs stay";
+}
+
+TEST_F(RetentionTest, what_remembers_deleted_assets_is_a_record_of_its_tenant) {
+  for (const char* text : {"a", "b", "c"}) {
+    ASSERT_TRUE(assets_.mark_deleted(Caller::open(), put_asset(text)));
+  }
+  const std::string kept = put_asset("kept");
+  EXPECT_EQ(assets_.remove_unneeded().value(), 3);
+  const int64_t records = jobs_.usage("").value().record_bytes;
+  EXPECT_GE(records, 3 * 384);
+  EXPECT_EQ(retention_.trim_records(records).value(), 0);
+  EXPECT_EQ(retention_.trim_records(records - 1).value(), 3);
+  EXPECT_EQ(jobs_.usage("").value().record_bytes, 0);
+  EXPECT_TRUE(assets_.get(Caller::open(), kept));
 }
 
 TEST_F(RetentionTest, frames_of_failed_jobs_expire) {

@@ -59,7 +59,7 @@ TEST_F(StoreRebuildTest, assets_bundles_grids_and_sequences_are_known_again) {
             "recovered.bundle.json");
   EXPECT_TRUE(is_grid(Caller::open(), grid));
   EXPECT_EQ(service_->get_sequence(Caller::open(), sha256_id(sequence))->frames.size(), 1u);
-  EXPECT_EQ(service_->usage(Caller::open())->bytes,
+  EXPECT_EQ(blob_bytes(Caller::open()),
             static_cast<int64_t>(mesh.size() + skin.size() + grid.size() + bundle.size() +
                                  sequence.size() + "{\"asset\": {}}"s.size()));
   service_.reset();
