@@ -4,7 +4,8 @@
 // blobs passed as file paths in the data directory.
 //
 //   worker                                gateway
-//   prepare {}                       ->   {scratch_dir, input_dir, cache_dir}   (optional)
+//   prepare {}                       ->   {scratch_dir, input_dir, cache_dir,
+//                                          disk_reserve_bytes}   (optional)
 //   hello {protocol, pid, device}    ->   {ok, scratch_dir}
 //   claim {}                         ->   {task: Task}            (blocks until there is one)
 //   progress {task, fence, …}        ->   {cancel: bool, fenced: bool, preempt: bool}
@@ -67,9 +68,10 @@ struct WorkerHello {
 // Folders that a worker may access. It asks for them before it opens its device, because its
 // sandbox gives up all other files then.
 struct WorkerFolders {
-  std::string scratch_dir;  // for outputs
-  std::string input_dir;    // holds the inputs that tasks name, read-only
-  std::string cache_dir;    // of drivers; deleted with the worker
+  std::string scratch_dir;         // for outputs
+  std::string input_dir;           // holds the inputs that tasks name, read-only
+  std::string cache_dir;           // of drivers; deleted with the worker
+  int64_t disk_reserve_bytes = 0;  // that must stay free on the disk of scratch_dir; 0: none
 };
 
 // A frame that an earlier attempt at the job left in the store.

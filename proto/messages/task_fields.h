@@ -117,6 +117,7 @@ void visit_fields(IsA<WorkerFolders> auto& folders, auto& visit) {
   visit(kRequired, "scratch_dir", folders.scratch_dir);
   visit(kRequired, "input_dir", folders.input_dir);
   visit(kRequired, "cache_dir", folders.cache_dir);
+  visit(kRequired, "disk_reserve_bytes", folders.disk_reserve_bytes);
 }
 
 void visit_fields(IsA<TaskDoneFrame> auto& frame, auto& visit) {

@@ -6,7 +6,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <iterator>
 #include <utility>
+
+#include "server/base/disk_reserve.h"
 
 namespace voxeld {
 
@@ -63,6 +66,7 @@ Result<std::vector<uint8_t>> read_file(const std::filesystem::path& path) {
 }
 
 Status write_all(int fd, std::span<const uint8_t> bytes) {
+  VOXELD_TRY(reserve_room(fd, ::lseek(fd, 0, SEEK_CUR), std::ssize(bytes)));
   while (!bytes.empty()) {
     const ssize_t count = ::write(fd, bytes.data(), bytes.size());
     if (count < 0) {

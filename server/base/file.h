@@ -57,7 +57,8 @@ Result<std::vector<uint8_t>> read_file(const std::filesystem::path& path);
 // Writes a file without sync; for scratch files. Errors: storage-full on ENOSPC and EDQUOT, else
 // internal.
 Status write_file(const std::filesystem::path& path, std::span<const uint8_t> bytes);
-// Calls write(2) until everything is written; retries after EINTR.
+// Calls write(2) until everything is written; retries after EINTR. Errors: as write_file(), and
+// storage-full below the process's reserve (disk_reserve.h).
 Status write_all(int fd, std::span<const uint8_t> bytes);
 // Syncs a file, or a directory so that a rename in it survives power loss.
 Status sync_path(const std::filesystem::path& path);

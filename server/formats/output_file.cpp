@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cerrno>
 
+#include "server/base/disk_reserve.h"
+
 namespace voxeld {
 
 Result<OutputFile> OutputFile::create(const std::filesystem::path& path) {
@@ -25,6 +27,9 @@ Status OutputFile::append(std::span<const uint8_t> bytes) {
 }
 
 Status OutputFile::extend(uint64_t bytes) {
+  if (file_.valid()) {
+    VOXELD_TRY(reserve_room(file_.get(), static_cast<int64_t>(size_), static_cast<int64_t>(bytes)));
+  }
   size_ += bytes;
   if (!file_.valid()) {
     memory_.resize(size_);

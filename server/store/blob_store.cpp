@@ -8,6 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <cstdio>
+#include <iterator>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -26,8 +27,6 @@ constexpr std::string_view kBlobs = "blobs";
 constexpr std::string_view kTemporary = "tmp";
 constexpr std::string_view kTrash = "trash";
 constexpr size_t kPrefixBytes = std::string_view("sha256-").size();
-// Bytes of an upload between two checks of the disk, each of which costs a microsecond.
-constexpr int64_t kBytesPerLook = int64_t{1} << 20;
 constexpr size_t kFanOutDigits = 2;  // 256 folders keep each below some ten thousand entries
 
 Error not_found(std::string_view id) {
@@ -115,7 +114,7 @@ class FileSink final : public BlobSink {
   }
 
   Status write(std::span<const uint8_t> bytes) override {
-    VOXELD_TRY(look_at_disk(static_cast<int64_t>(bytes.size())));
+    VOXELD_ASSIGN(const DiskRoom::Room room, state_->disk.take(std::ssize(bytes)));
     return write_all(fd_.get(), bytes);
   }
 
@@ -130,20 +129,11 @@ class FileSink final : public BlobSink {
   }
 
  private:
-  // Checks the disk now and then, because the length of an upload may be unknown.
-  Status look_at_disk(int64_t more_bytes) {
-    bytes_until_look_ -= more_bytes;
-    if (bytes_until_look_ > 0) return {};
-    bytes_until_look_ = kBytesPerLook;
-    return state_->disk.for_data();
-  }
-
   const fs::path root_;
   const std::shared_ptr<BlobState> state_;
   const Durability durability_;
   UniqueFd fd_;
-  fs::path temporary_;            // empty after finish()
-  int64_t bytes_until_look_ = 0;  // until the next check of the disk
+  fs::path temporary_;  // empty after finish()
 };
 
 class FileReader final : public BlobReader {

@@ -81,7 +81,26 @@ Status DiskRoom::for_data() {
 
 Status DiskRoom::for_jobs() {
   VOXELD_ASSIGN(const int64_t reserve, reserve_bytes());
-  return check_with_ballast(reserve / 2, "jobs are");
+  return check_with_ballast(reserve == 0 ? 0 : reserve + kJobRoomBytes, "jobs are");
+}
+
+Result<DiskRoom::Room> DiskRoom::take(int64_t bytes) {
+  VOXELD_TRY(for_data());
+  VOXELD_ASSIGN(const int64_t reserve, reserve_bytes());
+  const MutexLock lock(mutex_);
+  if (reserve > 0) VOXELD_TRY(check(reserve + taken_ + bytes, "uploads and results are"));
+  taken_ += bytes;
+  return Room(*this, bytes);
+}
+
+void DiskRoom::give_back(int64_t bytes) {
+  const MutexLock lock(mutex_);
+  taken_ -= bytes;
+}
+
+Result<int64_t> DiskRoom::worker_reserve_bytes() const {
+  VOXELD_ASSIGN(const int64_t reserve, reserve_bytes());
+  return reserve == 0 ? 0 : reserve + kRowRoomBytes;
 }
 
 bool DiskRoom::is_nearly_full() const {

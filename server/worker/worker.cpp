@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "server/base/clock.h"
+#include "server/base/disk_reserve.h"
 #include "server/base/log.h"
 #include "server/process/machine.h"
 #include "server/worker/device/calibration_key.h"
@@ -217,6 +218,7 @@ Result<int> run_worker(const WorkerConfig& config) {
   offer_to_oom_killer();
   WorkerSandbox sandbox(config.sandbox);
   VOXELD_ASSIGN(const WorkerFolders folders, client->prepare());
+  keep_disk_reserve(folders.disk_reserve_bytes);
   if (Status entered = sandbox.restrict_to(folders, config.data_dir, config.shader_dir); !entered) {
     return report_unavailable(*client, config.device, entered.error());
   }

@@ -209,13 +209,17 @@ class FullDisk(FullDiskTest):
         mine = [modest.post("/v1/assets?filename=a.obj", self.mesh(1)).json()["id"] for _ in range(3)]
         asset = greedy.upload(self.fixtures / "sample.ply")
         reserve = (64 << 20) // 20
-        state, job = self.run_jobs_until_one_fails(greedy, asset, range(200, 260))  # 8 to 17 MB each
+        # 8 to 17 MB each. Not even one is accepted where less than 1 MB is free beside the reserve.
+        state, job = self.run_jobs_until_one_fails(greedy, asset, range(200, 260))
+        if state == "refused":
+            self.assertEqual(modest.request("DELETE", "/v1/assets/" + mine.pop()).status, 204)
+            self.wait_ready(daemon, 200)
+            state, job = self.run_jobs_until_one_fails(greedy, asset, range(260, 280))
         self.assertEqual(state, "failed")
         error = greedy.get(f"/v1/jobs/{job}").json()["error"]
         self.assertEqual(error["code"], "storage-full", error)
-        # The output would have cut into the reserve, or was larger than all that was left.
-        self.assertRegex(error["detail"], "the disk is nearly full; uploads and results are refused"
-                                          "|write file: No space left on device")
+        # The output would have cut into the reserve.
+        self.assertRegex(error["detail"], "the disk is nearly full; (outputs|uploads and results) are refused")
         # Failed outputs are removed; small ones take the rest of the disk, except for the reserve.
         self.run_jobs_until_one_fails(greedy, asset, range(100, 160))  # 1 to 4 MB each
         self.run_jobs_until_one_fails(greedy, asset, range(40, 100))
@@ -235,6 +239,45 @@ class FullDisk(FullDiskTest):
         os.unlink(self.disk + "/hog")
         self.wait_ready(daemon, 200)
         self.assertEqual(modest.post("/v1/assets?filename=b.obj", self.mesh(1)).status, 201)
+
+    def leave(self, free):
+        """Something else takes all but so many bytes."""
+        hog = self.disk + "/hog"
+        if os.path.exists(hog):
+            os.unlink(hog)
+        with open(hog, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, self.free_bytes() - free)
+
+    def test_outputs_of_several_workers_leave_the_reserve_while_they_are_written(self):
+        daemon = self.start("--workers-per-device", "3", data_dir=self.disk + "/data")
+        asset = daemon.upload(self.fixtures / "sample.ply")
+        reserve = (64 << 20) // 20
+        self.leave(reserve + (20 << 20))
+        jobs = [daemon.submit(kind="voxelize", asset=asset, options={"size": size, "format": "npy", "cache": "no"})
+                for size in range(245, 251)]  # 15 MB each, and their grids
+        least = self.free_bytes()
+        while any(not daemon.get(f"/v1/jobs/{job}").json()["ended_ms"] for job in jobs):
+            least = min(least, self.free_bytes())
+        self.assertGreater(least, reserve // 2)
+        ends = [daemon.get(f"/v1/jobs/{job}").json() for job in jobs]
+        self.assertIn("failed", [end["state"] for end in ends])
+        for end in ends:
+            self.assertIn((end["state"], end.get("error", {}).get("code")), (("done", None), ("failed", "storage-full")))
+
+    def test_readiness_is_what_a_submit_gets(self):
+        daemon = self.start(data_dir=self.disk + "/data")
+        asset = daemon.upload(self.fixtures / "sample.ply")
+        reserve = (64 << 20) // 20
+        job = {"kind": "voxelize", "asset": asset, "options": {"size": 8, "cache": "no"}}
+        for free, submitted, ready in ((reserve + (1 << 19), 507, 503), (reserve + (8 << 20), 202, 200),
+                                       (reserve - (1 << 19), 507, 503)):
+            self.leave(free)
+            with self.subTest(free=free):
+                self.wait_ready(daemon, ready)
+                response = daemon.post("/v1/jobs", job)
+                self.assertEqual(response.status, submitted, response.body)
+                if submitted == 202:
+                    self.assertEqual(daemon.wait(response.json()["id"])["state"], "done")
 
     def test_on_a_full_disk_jobs_can_be_cancelled_and_their_failure_is_stored(self):
         daemon = self.start("--disk-reserve", "0", "--workers-per-device", "1", data_dir=self.disk + "/data")

@@ -343,7 +343,7 @@ Status Service::ready() {
   if (draining_) return Error{ErrorCode::kShuttingDown, "the daemon is shutting down", "", ""};
   VOXELD_TRY(jobs_.live());
   VOXELD_TRY(blobs_.begin(0));
-  VOXELD_TRY(blobs_.disk().for_data());
+  VOXELD_TRY(blobs_.disk().for_jobs());
   std::string reason;
   for (const WorkerState& state : workers()) {
     if (state.connected) return {};

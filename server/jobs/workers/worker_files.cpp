@@ -88,7 +88,7 @@ Status WorkerFiles::create() const {
 }
 
 WorkerFolders WorkerFiles::folders() const {
-  return {(root_ / kOutput).string(), (root_ / kInput).string(), (root_ / kCache).string()};
+  return {(root_ / kOutput).string(), (root_ / kInput).string(), (root_ / kCache).string(), 0};
 }
 
 std::vector<fs::path> WorkerFiles::written() const {

@@ -154,7 +154,9 @@ Result<json> WorkerSession::receive_first() {
   const std::string type = type_of(message);
   if (type != "slices") VOXELD_TRY(files_.create());
   if (type != "prepare") return message;
-  VOXELD_TRY(send(to_json_message(files_.folders())));
+  WorkerFolders folders = files_.folders();
+  VOXELD_ASSIGN(folders.disk_reserve_bytes, context_.parts.disk.worker_reserve_bytes());
+  VOXELD_TRY(send(to_json_message(folders)));
   VOXELD_ASSIGN(const std::string next, socket_.receive());
   return parse_worker_message(next);
 }

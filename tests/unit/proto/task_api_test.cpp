@@ -22,8 +22,8 @@ inline auto tied(const WorkerHello& h) {
   return std::tie(a, b, c, d, e, f, g, i);
 }
 inline auto tied(const WorkerFolders& f) {
-  const auto& [a, b, c] = f;
-  return std::tie(a, b, c);
+  const auto& [a, b, c, d] = f;
+  return std::tie(a, b, c, d);
 }
 inline auto tied(const TaskDoneFrame& f) {
   const auto& [a, b, c, d, e] = f;
@@ -99,7 +99,7 @@ WorkerHello hello() {
   return {3, 4711, "egl:0", "Example GPU", "4.6.0", R"({"limit":5})", "full", "raster: touch"};
 }
 WorkerFolders folders() {
-  return {"/s/out", "/s/in", "/s/cache"};
+  return {"/s/out", "/s/in", "/s/cache", 12'345'678'901};
 }
 Task task() {
   return {.id = "j-1",
@@ -462,7 +462,7 @@ TEST(TaskApi, every_member_of_another_type_is_refused_by_its_name) {
 TEST(TaskApi, required_members_must_be_present) {
   const std::map<std::string, std::vector<std::string>> required = {
       {"hello", {"protocol", "pid", "device"}},
-      {"folders", {"scratch_dir", "input_dir", "cache_dir"}},
+      {"folders", {"scratch_dir", "input_dir", "cache_dir", "disk_reserve_bytes"}},
       {"task", {"id", "fence", "kind", "input_path", "options_json"}},
       {"progress", {"task", "fence"}},
       {"frame", {"task", "fence", "index", "time_s", "path", "voxel_count", "content_hash"}},
