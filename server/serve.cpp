@@ -267,8 +267,12 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
                              kAdminConnectionsMax, config.request_threads},
                             static_cast<int>(devices.size()) * processes_of_device(config)));
   auto metrics = std::make_shared<prometheus::Registry>();
-  VOXELD_ASSIGN(const auto jobs,
-                start_job_service(job_config(config, devices, self_executable, *keys), metrics));
+  HeldFiles held_files;
+  JobServiceConfig jobs_config = job_config(config, devices, self_executable, *keys);
+  jobs_config.held_bytes = [&held_files](std::string_view tenant) {
+    return held_files.bytes(tenant);
+  };
+  VOXELD_ASSIGN(const auto jobs, start_job_service(jobs_config, metrics));
   // By now the data directory is this process's alone.
   VOXELD_ASSIGN(const auto secrets, UrlSecrets::open(config.data_dir));
   api::ApiServerConfig http_config;
@@ -280,6 +284,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   http_config.connections_per_address = descriptors.connections_per_address;
   http_config.admin_connections_max = descriptors.admin_connections;
   http_config.trusted_proxies = config.trusted_proxies;
+  http_config.held_files = &held_files;
   http_config.web_dir = config.web_dir;
   http_config.origins = {config.public_hosts, config.cors_origins};
   VOXELD_ASSIGN(const auto server,

@@ -55,6 +55,8 @@ class HttpApiServer final : public ApiServer {
       const auto before = std::exchange(seen, keys_.epoch());
       return seen != before;
     };
+    config.held_files = config_.held_files;
+    config.is_disk_short = [this] { return api_.jobs.is_disk_short(); };
     config.add_headers = [this](const Request& request, Response& response) {
       add_headers(request, response);
     };

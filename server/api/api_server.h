@@ -15,6 +15,7 @@
 #include "server/jobs/auth/key_ring.h"
 #include "server/jobs/auth/url_secret.h"
 #include "server/jobs/service/job_service.h"
+#include "server/store/held_files.h"
 
 namespace voxeld::api {
 
@@ -28,6 +29,7 @@ struct ApiServerConfig {
   int connections_per_address = 256;
   int admin_connections_max = 64;
   std::vector<std::string> trusted_proxies;
+  HeldFiles* held_files = nullptr;  // outlives the server
   OriginRules origins;
   std::filesystem::path web_dir;  // the page's files instead of those embedded; empty: those
 };

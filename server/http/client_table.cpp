@@ -25,6 +25,12 @@ bool Client::takes_less_than(int64_t bytes_per_second, double grace_seconds,
          static_cast<double>(exchange->sent()) < late * static_cast<double>(bytes_per_second);
 }
 
+bool Client::is_too_slow(const SendLimits& limits, bool is_disk_short) const {
+  if (takes_less_than(limits.rate_min, limits.grace_seconds)) return true;
+  return takes_less_than(limits.rate_min, limits.pressed_grace_seconds) &&
+         exchange->keeps_room(is_disk_short);
+}
+
 Client& ClientTable::add(UniqueFd fd, std::string address, bool is_counted) {
   const int raw = fd.get();
   auto client = std::make_unique<Client>(std::move(fd), std::move(address));
@@ -104,6 +110,15 @@ Client* ClientTable::late(Client::State state, double seconds, Clock::time_point
   for (Client* client : lists_[index(state)]) {
     if (std::chrono::duration<double>(now - client->since).count() <= seconds) return nullptr;
     if (!client->is_taken) return client;
+  }
+  return nullptr;
+}
+
+Client* ClientTable::late_download(double seconds, bool is_disk_short,
+                                   Clock::time_point now) const {
+  for (Client* client : lists_[index(Client::State::kSending)]) {
+    if (std::chrono::duration<double>(now - client->since).count() <= seconds) return nullptr;
+    if (!client->is_taken && client->exchange->keeps_room(is_disk_short)) return client;
   }
   return nullptr;
 }

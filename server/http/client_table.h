@@ -14,6 +14,7 @@
 #include "server/base/waker.h"
 #include "server/http/connection.h"
 #include "server/http/exchange.h"
+#include "server/http/send_limits.h"
 
 namespace voxeld::http {
 
@@ -42,6 +43,9 @@ struct Client {
   // the average, so that no client keeps its place for ever by reading now and then.
   bool takes_less_than(int64_t bytes_per_second, double grace_seconds,
                        Clock::time_point now = Clock::now()) const;
+
+  // The same by the limits, of which a download that keeps room on the disk has shorter ones.
+  bool is_too_slow(const SendLimits& limits, bool is_disk_short) const;
 
   Connection connection;
   bool is_counted = false;  // against its address
@@ -94,6 +98,8 @@ class ClientTable {
   Client* longest(Client::State state) const;
   // The same among those not taken, if it has been in the state for more than `seconds`.
   Client* late(Client::State state, double seconds, Clock::time_point now) const;
+  // The same among those that keep room on the disk from others (Exchange::keeps_room()).
+  Client* late_download(double seconds, bool is_disk_short, Clock::time_point now) const;
   // Clients in that state, the longest first.
   const std::list<Client*>& clients(Client::State state) const { return lists_[index(state)]; }
 

@@ -230,8 +230,9 @@ void Exchange::respond(Response response) {
   context.request_id = request_.request_id;
   context.trace_id = request_.trace.trace_id;
   context.keep = keep_;
-  output_ = std::make_unique<Output>(std::move(context), std::move(response),
-                                     context_.response_budget, tenant(), owner_);
+  output_ =
+      std::make_unique<Output>(std::move(context), std::move(response), context_.response_budget,
+                               tenant(), owner_, context_.held_files);
   responded_ = Clock::now();
   stage_ = Stage::kSend;
 }

@@ -16,6 +16,7 @@
 #include "server/http/message/body_decoder.h"
 #include "server/http/message/message.h"
 #include "server/http/output.h"
+#include "server/store/held_files.h"
 
 namespace voxeld::http {
 
@@ -51,6 +52,7 @@ class Exchange {
     // Apart, so that bodies that arrive slowly delay no response.
     MemoryBudget& body_budget;
     const std::atomic<bool>& is_draining;  // each response is its connection's last
+    HeldFiles* held_files = nullptr;       // null: nobody counts them
   };
   // `head`: as parsed, or what is wrong with it. `is_refused`: the response is shutting-down.
   // `owner` is what MemoryBudget::grant() hands back.
@@ -85,6 +87,11 @@ class Exchange {
   std::optional<Clock::time_point> responded() const { return responded_; }
   // Bytes of the response that the socket has taken.
   int64_t sent() const { return output_ ? output_->sent() : 0; }
+  // Whether it sends a file that was deleted; any file where the disk is short.
+  bool keeps_room(bool is_disk_short) const {
+    if (!output_) return false;
+    return is_disk_short ? output_->sends_file() : output_->sends_deleted_file();
+  }
   // Complete but for its duration.
   ExchangeRecord record() const;
   // "GET /v1/jobs", for logs.

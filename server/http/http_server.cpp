@@ -15,6 +15,7 @@
 #include "server/base/thread_annotations.h"
 #include "server/http/active_threads.h"
 #include "server/http/client_table.h"
+#include "server/http/deadline.h"
 #include "server/http/housekeeping.h"
 #include "server/http/listener.h"
 #include "server/http/message/head_parser.h"
@@ -29,7 +30,6 @@ constexpr int kBodyReadsMax = 16;
 // After a request, a buffer that grew larger than this gives its memory back.
 constexpr size_t kBufferKeptBytes = 4096;
 constexpr int64_t kLingerBytesMax = int64_t{64} << 20;
-constexpr auto kDrainStep = std::chrono::milliseconds(10);
 // Clients that ask again and again must not keep the server from ending.
 constexpr double kUnheardSecondsMax = 1;
 
@@ -115,15 +115,6 @@ class EpollServer final : public HttpServer {
   void shut_down() {
     (void)stop(0);
     join_all();
-  }
-  static Clock::time_point from_now(double seconds) {
-    return Clock::now() +
-           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
-  }
-
-  template <typename Condition>
-  static void wait_while(const Condition& condition, Clock::time_point end) {
-    while (condition() && Clock::now() < end) std::this_thread::sleep_for(kDrainStep);
   }
 
   std::vector<RunningRequest> running() EXCLUDES(mutex_) {
@@ -298,6 +289,7 @@ class EpollServer final : public HttpServer {
   }
 
   void tick() {
+    is_disk_short_ = config_.is_disk_short && config_.is_disk_short();
     drop_late();
     grant_memory();
     if (config_.is_recheck_due && config_.is_recheck_due()) wake_waiting();
@@ -327,24 +319,25 @@ class EpollServer final : public HttpServer {
     return true;
   }
 
-  // Takes the client that has been late for longest.
-  Client* take_late(State state, double seconds) EXCLUDES(mutex_) {
+  // Takes the client that has been late for longest; with `keeps_room`, among such downloads.
+  Client* take_late(State state, double seconds, bool keeps_room = false) EXCLUDES(mutex_) {
     const MutexLock lock(mutex_);
-    Client* client = table_.late(state, seconds, Clock::now());
+    const auto now = Clock::now();
+    Client* client = keeps_room ? table_.late_download(seconds, is_disk_short_, now)
+                                : table_.late(state, seconds, now);
     if (client != nullptr) client->is_taken = true;
     return client;
   }
 
   void drop_late() {
+    const double pressed_seconds = config_.send.pressed_stall_seconds;
+    while (Client* client = take_late(State::kSending, pressed_seconds, true)) cut(*client);
     while (Client* client = take_late(State::kIdle, kIdleSecondsMax)) close(*client);
     while (Client* client = take_late(State::kHead, kHeadSecondsMax)) close(*client);
     while (Client* client = take_late(State::kLingering, kLingerSecondsMax)) close(*client);
     // It pipelines, and its socket has no room for the next response.
     while (Client* client = take_late(State::kQueued, config_.send.stall_seconds)) close(*client);
-    while (Client* client = take_late(State::kSending, config_.send.stall_seconds)) {
-      observe(*client);
-      close(*client);
-    }
+    while (Client* client = take_late(State::kSending, config_.send.stall_seconds)) cut(*client);
     while (Client* client = take_late(State::kBody, kBodyGraceSeconds)) {
       if (!begin_again(*client)) return;
       client->exchange->fail_body(slow_body_error());
@@ -438,7 +431,7 @@ class EpollServer final : public HttpServer {
     client.waker = std::make_shared<CallbackWaker>([this, &client] { wake(client); });
     client.exchange = std::make_unique<Exchange>(
         Exchange::Context{handler_, config_.add_headers, config_.trusted_proxies, responses_,
-                          bodies_, stopping_},
+                          bodies_, stopping_, config_.held_files},
         client.connection, std::move(head), is_refused, client.waker, &client);
     {
       const MutexLock lock(mutex_);
@@ -464,8 +457,7 @@ class EpollServer final : public HttpServer {
   void look_again(Client& client) {
     if (!client.connection.peer_closed()) return run(client);
     client.exchange->abandon();
-    observe(client);
-    close(client);
+    cut(client);
   }
 
   // Gives the exchange what its client has sent, for a while.
@@ -520,7 +512,7 @@ class EpollServer final : public HttpServer {
       case Step::kNeedMemory:
         return wait_for_memory(client);
       case Step::kSend:
-        if (client.takes_less_than(config_.send.rate_min, config_.send.grace_seconds)) break;
+        if (client.is_too_slow(config_.send, is_disk_short_)) break;
         wait_for(client, State::kSending);
         return grant_memory();
       case Step::kDone:
@@ -528,6 +520,10 @@ class EpollServer final : public HttpServer {
       case Step::kBroken:
         break;
     }
+    cut(client);
+  }
+
+  void cut(Client& client) {
     observe(client);
     close(client);
   }
@@ -577,6 +573,7 @@ class EpollServer final : public HttpServer {
   const Poller poller_;              // of the pool
   ActiveThreads active_;
   std::atomic<bool> stopping_{false};
+  std::atomic<bool> is_disk_short_{false};  // as of the last tick
   std::atomic<int64_t> connections_{0}, running_{0}, waiting_{0};
 
   Mutex mutex_;

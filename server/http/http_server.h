@@ -11,6 +11,8 @@
 #include "server/http/exchange.h"
 #include "server/http/memory_budget.h"
 #include "server/http/message/message.h"
+#include "server/http/send_limits.h"
+#include "server/store/held_files.h"
 
 namespace voxeld::http {
 
@@ -23,19 +25,6 @@ inline constexpr int kLingerSecondsMax = 2;  // for a client to close after its 
 inline constexpr double kIdleSecondsMin = 1.0;
 inline constexpr double kHeadSecondsMin = 1.0;
 inline constexpr double kBodySecondsMin = 5.0;
-// A client that takes nothing of a response for so long is cut off.
-inline constexpr int kWriteStallSeconds = 30;
-// Average bytes per second of a response that its client must take after the first seconds.
-inline constexpr int64_t kSendRateMin = 4096;
-inline constexpr int kSendGraceSeconds = 60;
-
-// When a response is cut because its client does not take it.
-struct SendLimits {
-  double stall_seconds = kWriteStallSeconds;  // without a byte
-  double grace_seconds = kSendGraceSeconds;   // until the average counts
-  int64_t rate_min = kSendRateMin;
-};
-
 struct HttpServerConfig {
   std::string listen;  // "127.0.0.1:8080"; port 0 takes a free one
   // Each runs a handler, reads or sends; none waits for a client or a job.
@@ -55,6 +44,9 @@ struct HttpServerConfig {
   // Completes the headers of each response to a request with a valid head. Null: adds none.
   std::function<void(const Request&, Response&)> add_headers = nullptr;
   SendLimits send = {};
+  HeldFiles* held_files = nullptr;  // of responses; null: nobody counts them
+  // Asked a few times a second; true: downloads keep room from others. Null: never.
+  std::function<bool()> is_disk_short = nullptr;
   MemoryLimits memory = {};  // of responses, and once more of request bodies
 };
 

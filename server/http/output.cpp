@@ -94,16 +94,15 @@ std::string http_date(std::time_t seconds) {
 }
 
 Output::Output(Context context, Response response, MemoryBudget& budget, std::string tenant,
-               void* owner)
-    : context_(std::move(context)),
-      status_(response.status),
-      share_(budget, std::move(tenant), owner) {
+               void* owner, HeldFiles* held_files)
+    : context_(std::move(context)), status_(response.status), share_(budget, tenant, owner) {
   if (auto* pieces = std::get_if<PieceBody>(&response.body)) {
     pieces_ = std::move(*pieces);
     has_pieces_ = true;
     response_ = std::move(response);
   } else {
     write_whole(response);
+    if (const FileBody* file = file_of(response)) add_file(*file, held_files, tenant);
   }
 }
 
@@ -136,7 +135,14 @@ void Output::write_whole(const Response& response) {
   write_head(response, bytes);
   if (context_.method == "HEAD" || bodiless) return;
   if (text != nullptr) text_ += *text;  // one segment for small responses
-  if (file != nullptr && file->bytes > 0) add_file(*file);
+}
+
+// The file that is sent behind the head; null: there is none.
+const FileBody* Output::file_of(const Response& response) const {
+  const auto* file = std::get_if<FileBody>(&response.body);
+  const bool bodiless =
+      context_.method == "HEAD" || response.status == 204 || response.status == 304;
+  return bodiless || file == nullptr || file->bytes == 0 ? nullptr : file;
 }
 
 Result<Piece> Output::make_piece() {
@@ -199,17 +205,22 @@ void Output::write_first(bool is_last, int64_t bytes) {
   response_ = {};
 }
 
-void Output::add_file(const FileBody& body) {
+void Output::add_file(const FileBody& body, HeldFiles* held_files, const std::string& tenant) {
   file_ = UniqueFd(::open(body.path.c_str(), O_RDONLY | O_CLOEXEC));
   file_at_ = body.offset;
   file_left_ = body.bytes;
   // The length was promised: that a blob vanished can only be told by breaking the connection,
   // which sending from no file does.
-  if (body.bytes > kInlineBytesMax || !file_.valid()) return;
+  if (!file_.valid()) return;
+  if (body.bytes > kInlineBytesMax) {
+    if (held_files != nullptr) held_ = held_files->add(tenant, file_.get());
+    return;
+  }
   std::string bytes(static_cast<size_t>(body.bytes), '\0');
   if (::pread(file_.get(), bytes.data(), bytes.size(), body.offset) != body.bytes) return;
   text_ += bytes;
   file_left_ = 0;
+  file_.reset();
 }
 
 Output::State Output::advance(Connection& connection) {

@@ -12,6 +12,7 @@
 #include "server/http/connection.h"
 #include "server/http/memory_budget.h"
 #include "server/http/message/message.h"
+#include "server/store/held_files.h"
 
 namespace voxeld::http {
 
@@ -28,8 +29,10 @@ class Output {
     bool keep = false;
   };
   // A HEAD request gets the same head without a body. The bytes count against the budget of
-  // `tenant`; `owner` is what MemoryBudget::grant() hands back.
-  Output(Context context, Response response, MemoryBudget& budget, std::string tenant, void* owner);
+  // `tenant`; `owner` is what MemoryBudget::grant() hands back. `held_files` counts the file that
+  // it sends; null: nobody does.
+  Output(Context context, Response response, MemoryBudget& budget, std::string tenant, void* owner,
+         HeldFiles* held_files);
 
   enum class State {
     kDone,
@@ -45,13 +48,17 @@ class Output {
   Clock::time_point wait_until() const { return wait_until_; }
   // Bytes of head and body that the socket has taken.
   int64_t sent() const { return sent_; }
+  // Whether it still sends a file; and one that was deleted, whose room its client keeps.
+  bool sends_file() const { return file_left_ > 0; }
+  bool sends_deleted_file() const { return sends_file() && is_deleted(file_.get()); }
   int64_t body_sent() const { return std::max<int64_t>(0, sent_ - head_bytes_); }
 
  private:
   void write_head(const Response& response, std::optional<int64_t> bytes);
   void write_whole(const Response& response);
+  const FileBody* file_of(const Response& response) const;
   void write_first(bool is_last, int64_t bytes);
-  void add_file(const FileBody& body);
+  void add_file(const FileBody& body, HeldFiles* held_files, const std::string& tenant);
   // Replaces the text, which has been sent, by the next piece.
   State next_piece();
   Result<Piece> make_piece();
@@ -67,6 +74,7 @@ class Output {
   std::string text_;
   size_t text_at_ = 0;
   UniqueFd file_;
+  HeldFiles::Hold held_;  // ends before the file is closed
   int64_t file_at_ = 0, file_left_ = 0;
   int64_t head_bytes_ = 0, sent_ = 0;
 };

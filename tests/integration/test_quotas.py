@@ -3,6 +3,7 @@ import gzip
 import json
 import pathlib
 import shutil
+import socket
 import subprocess
 import tempfile
 import time
@@ -113,6 +114,34 @@ class Quotas(unittest.TestCase):
         self.assertLessEqual(self.usage(lab), 320_000)  # and the ends of those jobs
         theirs = other.upload(self.fixtures / "sample.ply")
         self.assertEqual(other.wait(other.submit(kind="voxelize", asset=theirs, options={"size": 8}))["state"], "done")
+        self.remove_jobs(lab, jobs)
+        self.assertEqual(self.usage(lab), before)
+
+    def test_deleted_results_count_while_slow_readers_hold_them(self):
+        _, lab = self.tenant("reader")
+        asset = lab.upload(self.fixtures / "sample.ply")
+        before, clients, jobs, size = self.usage(lab), [], [], 0
+        for side in (220, 221, 222):  # some 10 MB each
+            status = lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": side, "format": "npy"}))
+            self.assertEqual(status["state"], "done", status)
+            size += status["result"]["bytes"]
+            jobs.append(status["id"])
+            client = socket.socket()
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            client.connect(("127.0.0.1", self.daemon.port))
+            client.sendall(f"GET /v1/jobs/{status['id']}/result HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+                           f"Authorization: Bearer {lab.key}\r\n\r\n".encode())
+            self.assertEqual(client.recv(12), b"HTTP/1.1 200")  # and no more
+            clients.append(client)
+            self.assertEqual(lab.request("DELETE", f"/v1/jobs/{status['id']}/result").status, 204)
+        try:
+            # Each is cut some seconds after its file was deleted; the last ones are held until then.
+            wait_until(lambda: self.usage(lab) > before + 10_000_000, lambda: self.usage(lab))
+        finally:
+            for client in clients:
+                client.close()
+        wait_until(lambda: self.usage(lab) < before + 100_000, lambda: self.usage(lab))
+        self.assertGreater(size, 20_000_000)
         self.remove_jobs(lab, jobs)
         self.assertEqual(self.usage(lab), before)
 

@@ -99,8 +99,21 @@ Result<JobStatus> Service::estimate(const Caller& caller, const JobRequest& requ
   return estimated;
 }
 
+TenantLimits Service::stored_limits(std::string_view tenant) const {
+  TenantLimits limits = config_.limits_of ? config_.limits_of(tenant) : TenantLimits{};
+  if (limits.bytes == 0 || !config_.held_bytes) return limits;
+  limits.bytes = std::max<int64_t>(1, limits.bytes - config_.held_bytes(tenant));  // 0: no limit
+  return limits;
+}
+
+Result<TenantUsage> Service::usage(const Caller& caller) {
+  VOXELD_ASSIGN(TenantUsage usage, jobs_.usage(caller.tenant()));
+  if (config_.held_bytes) usage.bytes += config_.held_bytes(caller.tenant());
+  return usage;
+}
+
 Result<int64_t> Service::upload_room(const Caller& caller, int64_t asked) {
-  const int64_t bytes_max = limits(caller).bytes;
+  const int64_t bytes_max = stored_limits(caller.tenant()).bytes;
   if (bytes_max <= 0) return std::numeric_limits<int64_t>::max();
   VOXELD_ASSIGN(const JobStore::UploadRoom room, jobs_.upload_room(caller.tenant(), asked));
   const int64_t left = std::max<int64_t>(0, bytes_max - room.used);
@@ -127,7 +140,7 @@ void Service::verify_reusable(const Caller& caller, const JobRequest& request) {
 }
 
 QueueLimits Service::queue_limits(const Caller& caller) {
-  const TenantLimits own = limits(caller);
+  const TenantLimits own = stored_limits(caller.tenant());
   const bool is_shared = config_.is_queue_shared && config_.is_queue_shared();
   const auto record_bytes_max = blobs_.disk().record_bytes_max();
   return {config_.queued_jobs_max, own.queued_jobs, is_shared, own.bytes,

@@ -156,9 +156,11 @@ class JobService {
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;
   virtual int64_t queued_jobs() = 0;
-  // Ok if the database responds, the blob store is writable, the disk's reserve is free, a worker
-  // is connected, and the daemon does not drain; else the reason.
+  // Ok if the database responds, the blob store is writable, the disk has room for a new job, a
+  // worker is connected, and the daemon does not drain; else the reason.
   virtual Status ready() = 0;
+  // Whether new jobs are refused for lack of room on the disk.
+  virtual bool is_disk_short() = 0;
   // New work is refused from now on; running jobs go on.
   virtual void drain() = 0;
   // Puts running jobs back into the queue and ends workers and threads, as the destructor does;
@@ -203,6 +205,9 @@ struct JobServiceConfig {
   std::function<bool()> has_keys;
   bool forgets_keys = false;
   std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
+  // Bytes of deleted files that a tenant's downloads keep; they count in its usage. Null: 0.
+  // Thread-safe.
+  std::function<int64_t(std::string_view tenant)> held_bytes;
   // Whether several tenants share the queue, so that none may take all of it
   // (jobs/records/quota.h); null: no. Thread-safe.
   std::function<bool()> is_queue_shared;

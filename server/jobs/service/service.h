@@ -74,14 +74,16 @@ class Service final : public JobService {
   TenantLimits limits(const Caller& caller) override {
     return config_.limits_of ? config_.limits_of(caller.tenant()) : TenantLimits{};
   }
-  Result<TenantUsage> usage(const Caller& caller) override { return jobs_.usage(caller.tenant()); }
+  Result<TenantUsage> usage(const Caller& caller) override;
   Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
                           std::string content_type, Durability durability) override {
-    return assets_.put(caller, blob, filename, content_type, limits(caller).bytes, durability);
+    return assets_.put(caller, blob, filename, content_type, stored_limits(caller.tenant()).bytes,
+                       durability);
   }
   Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
                            const std::vector<BundleFile>& files, Durability durability) override {
-    return assets_.put_bundle(caller, blob, filename, files, limits(caller).bytes, durability);
+    return assets_.put_bundle(caller, blob, filename, files, stored_limits(caller.tenant()).bytes,
+                              durability);
   }
   Result<Asset> get_asset(const Caller& caller, std::string_view id) override {
     return assets_.get(caller, id);
@@ -136,6 +138,7 @@ class Service final : public JobService {
   std::vector<WorkerState> workers() override;
   int64_t queued_jobs() override;
   Status ready() override;
+  bool is_disk_short() override { return !blobs_.disk().for_jobs(); }
   void drain() override { draining_ = true; }
   void stop() override;
 
@@ -165,6 +168,8 @@ class Service final : public JobService {
   Status let_go(const Result<ResultStore::Ids>& ids);
   void verify_reusable(const Caller& caller, const JobRequest& request);
   QueueLimits queue_limits(const Caller& caller);
+  // The tenant's limits for what is stored: without the bytes that its downloads keep.
+  TenantLimits stored_limits(std::string_view tenant) const;
 
   const JobServiceConfig config_;
   const UniqueFd lock_;

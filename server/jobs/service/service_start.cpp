@@ -83,7 +83,7 @@ TaskServerConfig Service::server_config() {
     const auto disk_bytes = blobs_.disk().total_bytes();
     server.limits.scratch_bytes_max = disk_bytes ? *disk_bytes / kScratchPartOfDisk : 0;
   }
-  server.limits_of = config_.limits_of;
+  server.limits_of = [this](std::string_view tenant) { return stored_limits(tenant); };
   server.expected_seconds = [this](const std::string& job) {
     return forecast_.expected_seconds(job);
   };

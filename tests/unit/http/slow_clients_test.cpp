@@ -2,14 +2,21 @@
 // all of them run side by side, once, and each test looks at what one of them met.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
+#include <filesystem>
 #include <future>
 #include <memory>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "server/base/file.h"
 #include "server/http/http_server.h"
 #include "server/http/message/body_decoder.h"
+#include "server/store/held_files.h"
+#include "tests/unit/base/comes_true.h"
+#include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/http/http_server_fixture.h"
 
 namespace voxeld::http {
@@ -153,6 +160,84 @@ TEST(SlowReader, a_reader_below_the_minimum_rate_is_cut_though_it_never_stops) {
   }
   EXPECT_GE(seconds_since(start), config.send.grace_seconds);
   EXPECT_LT(sent.get_future().get(), kLargeBytes);
+}
+
+// Downloads of files, by clients that read nothing. All limits but those of pressed downloads are
+// longer than the test.
+class PressedDownloads : public ::testing::Test {
+ protected:
+  void start(double pressed_stall_seconds = 0.1) {
+    config_.listen = "127.0.0.1:0";
+    config_.send.stall_seconds = config_.send.grace_seconds = 3600;
+    config_.send.pressed_stall_seconds = pressed_stall_seconds;
+    config_.held_files = &held_files_;
+    for (const char* name : {"a", "b"}) {
+      ASSERT_TRUE(write_file(dir_.path() / name, std::vector<uint8_t>(kLargeBytes, 7)));
+    }
+    auto server = start_http_server(
+        config_,
+        [this](Request& request) {
+          Response response;
+          response.body = FileBody{dir_.path() / request.head.path.substr(1), 0, kLargeBytes};
+          return response;
+        },
+        [this](const ExchangeRecord& record) {
+          if (record.bytes_out < kLargeBytes && !was_cut_.exchange(true)) {
+            cut_.set_value(record.head->path);
+          }
+        });
+    ASSERT_TRUE(server) << server.error().message();
+    server_ = *std::move(server);
+  }
+  std::unique_ptr<HttpClient> download(const std::string& path) {
+    auto client = std::make_unique<HttpClient>(server_->port());
+    EXPECT_TRUE(client->send_get(path));
+    EXPECT_TRUE(client->receive_head());
+    return client;
+  }
+  // The path of the first download that is cut.
+  std::string wait_cut() {
+    auto cut = cut_.get_future();
+    const bool is_cut = cut.wait_for(std::chrono::seconds(60)) == std::future_status::ready;
+    return is_cut ? cut.get() : "none";
+  }
+
+  const testing::TemporaryDir dir_;
+  HeldFiles held_files_;
+  HttpServerConfig config_;
+  std::atomic<bool> was_cut_{false};
+  std::promise<std::string> cut_;
+  std::unique_ptr<HttpServer> server_;
+};
+
+TEST_F(PressedDownloads, a_deleted_file_counts_until_its_reader_is_cut_and_others_go_on) {
+  start();
+  const auto kept = download("/a"), deleted = download("/b");
+  EXPECT_EQ(held_files_.bytes(""), 0);
+  std::filesystem::remove(dir_.path() / "b");
+  EXPECT_EQ(wait_cut(), "/b");
+  EXPECT_TRUE(testing::comes_true([&] { return held_files_.bytes("") == 0; }));
+  int64_t received = 0;
+  for (std::string some = "x"; received < kLargeBytes && !some.empty();) {
+    some = kept->receive_some();
+    received += std::ssize(some);
+  }
+  EXPECT_EQ(received, kLargeBytes) << "its file is there";
+}
+
+TEST_F(PressedDownloads, a_deleted_file_counts_while_it_is_read) {
+  start(3600);
+  const auto reader = download("/a");
+  std::filesystem::remove(dir_.path() / "a");
+  EXPECT_GE(held_files_.bytes(""), kLargeBytes);
+  EXPECT_EQ(held_files_.bytes("other"), 0);
+}
+
+TEST_F(PressedDownloads, while_the_disk_is_short_a_download_that_stands_still_is_cut) {
+  config_.is_disk_short = [] { return true; };
+  start();
+  const auto reader = download("/a");
+  EXPECT_EQ(wait_cut(), "/a");
 }
 
 TEST_F(SlowClients, others_are_served_at_once_after_all) {
