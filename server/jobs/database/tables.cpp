@@ -58,8 +58,10 @@ CREATE INDEX bundle_files_by_asset ON bundle_files (asset);
 
 constexpr std::string_view kJobs = R"sql(
 -- seq: the order of arrival. fence: grows with each claim; a report with an older one is void.
--- asset_tenant: whose asset it is; an admin's job may work on another tenant's. deadline_ms: the
--- largest number where there is none (kNoDeadline). device_us: for how long it has had its device.
+-- asset_tenant: whose asset it is; an admin's job may work on another tenant's. deadline_ms: by the
+-- clock of deadlines (kept_clock.h), moved at each start by the time without a daemon; the largest
+-- number where there is none (kNoDeadline). deadline_at_ms: the same as announced at acceptance; 0:
+-- none. device_us: for how long it has had its device.
 -- queued_ms: since when it has been in the queue again, once it was preempted; 0: since created_ms.
 CREATE TABLE jobs (
   seq ROW_NUMBER,
@@ -78,6 +80,7 @@ CREATE TABLE jobs (
   trace_id TEXT NOT NULL DEFAULT '',
   priority BIGINT NOT NULL DEFAULT 0,
   deadline_ms BIGINT NOT NULL DEFAULT 9223372036854775807,
+  deadline_at_ms BIGINT NOT NULL DEFAULT 0,
   use_cache SMALLINT NOT NULL,
   transient SMALLINT NOT NULL,
   cached SMALLINT NOT NULL DEFAULT 0,

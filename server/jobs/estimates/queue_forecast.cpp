@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <tuple>
 
@@ -62,6 +61,7 @@ void QueueForecast::changed(const JobRecord& record, int64_t input_bytes) {
     live.work = work_of(status.kind, options_of(status), input_bytes);
     live.estimate = costs_.estimate(live.work);
   }
+  live.deadline_ms = record.deadline_ms;
   live.is_running = status.state == JobState::kRunning;
   live.status = status;
   live.share_kept = share_done(status);
@@ -85,9 +85,7 @@ std::vector<std::pair<std::string, ForecastJob>> QueueForecast::queue() {
   std::vector<const Live*> order;
   for (const auto& [id, live] : live_) order.push_back(&live);
   const auto place = [](const Live* live) {
-    const int64_t deadline = live->status.deadline_at_ms;
-    return std::tuple(-live->status.priority,
-                      deadline > 0 ? deadline : std::numeric_limits<int64_t>::max(), live->seq);
+    return std::tuple(-live->status.priority, live->deadline_ms, live->seq);
   };
   std::sort(order.begin(), order.end(),
             [&](const Live* a, const Live* b) { return place(a) < place(b); });

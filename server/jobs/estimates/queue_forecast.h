@@ -52,7 +52,7 @@ class QueueForecast {
 
   struct Live {
     std::string tenant;
-    int64_t seq = 0;
+    int64_t seq = 0, deadline_ms = kNoDeadline;
     bool is_running = false;
     JobWork work;
     JobEstimate estimate;

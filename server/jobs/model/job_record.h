@@ -9,12 +9,17 @@
 
 namespace voxeld {
 
+inline constexpr int64_t kNoDeadline = INT64_MAX;
+
 // A job with the facts that its public status leaves out.
 struct JobRecord {
   JobStatus status;
   std::string tenant;        // whose job it is
   std::string asset_tenant;  // whose input it works on: the same, but for an admin's job
   int64_t seq = 0;           // order of arrival
+  // By the clock of deadlines (KeptClock), which no jump of the system's clock changes.
+  // status.deadline_at_ms is the same as it was announced at acceptance.
+  int64_t deadline_ms = kNoDeadline;
   int64_t fence = 0;
   std::string request_hash;  // see request_hash.h
   bool use_cache = true;

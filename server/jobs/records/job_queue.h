@@ -14,7 +14,6 @@
 namespace voxeld {
 
 // In the database, of a job without a deadline: it sorts behind all others.
-inline constexpr int64_t kNoDeadline = INT64_MAX;
 
 // A tenant's first queued job: of the highest priority, then of the earliest deadline, then that
 // which arrived first.
@@ -22,7 +21,7 @@ struct QueueHead {
   std::string tenant;
   int64_t seq = 0;  // order of arrival
   int priority = 0;
-  int64_t deadline_ms = kNoDeadline;  // Unix time
+  int64_t deadline_ms = kNoDeadline;  // as JobRecord has it
   std::string id;
   std::string input_tenant = {};  // whose input it works on (JobRecord::asset_tenant)
 };

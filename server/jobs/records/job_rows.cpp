@@ -40,7 +40,7 @@ std::string select_text(JobTexts texts) {
          cut("j.lost_workers") +
          ", j.upload_us, j.created_ms, j.started_ms,"
          " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.preempted, j.queued_ms,"
-         " j.tiles_done, j.tiles_total, j.sequence, j.frames_total,"
+         " j.tiles_done, j.tiles_total, j.sequence, j.frames_total, j.deadline_at_ms,"
          " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id), " +
          whole("j.timings_json") + ", j.error_code, " + cut("j.error_detail") + ", " +
          cut("j.error_expected") + ", " + cut("j.error_got") +
@@ -133,8 +133,7 @@ JobRecord read_record(const SqlStatement& statement) {
   status.started_ms = column.int64();
   status.ended_ms = column.int64();
   status.priority = static_cast<int>(column.int64());
-  const int64_t deadline_ms = column.int64();
-  status.deadline_at_ms = deadline_ms == kNoDeadline ? 0 : deadline_ms;
+  record.deadline_ms = column.int64();
   status.device_ms = static_cast<double>(column.int64()) / 1000.0;
   status.preempted = static_cast<int>(column.int64());
   record.queued_ms = column.int64();
@@ -146,6 +145,7 @@ JobRecord read_record(const SqlStatement& statement) {
   }
   status.sequence = column.text();
   status.frames_total = column.int64();
+  status.deadline_at_ms = column.int64();
   status.frames_done = column.int64();
   status.timings = parse_timings(column.text());
   Error error;

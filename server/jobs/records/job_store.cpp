@@ -163,6 +163,7 @@ struct NewJob {
   const SubmitOptions& options;
   std::string_view id, hash, tenant, asset_tenant;
   std::string_view options_json;  // canonical
+  int64_t deadline_ms = kNoDeadline;
 };
 
 Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) {
@@ -171,17 +172,17 @@ Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) 
   return connection.run(
       "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
       " use_cache, transient, upload_us, created_ms, sequence, tenant, asset_tenant, priority,"
-      " deadline_ms, request_id, trace_id)"
+      " deadline_ms, request_id, trace_id, deadline_at_ms)"
       " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, "
       "$17,"
-      " $18)",
+      " $18, $19)",
       job.id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
       job.options_json, job.hash, flag(request.options.use_cache), flag(job.options.transient),
       static_cast<int64_t>(job.options.upload_ms * 1000.0), now_ms, request.sequence, job.tenant,
       job.asset_tenant,
       int64_t{request.priority.value_or(job.options.transient ? limits::kOneShotPriority : 0)},
-      request.deadline_ms ? now_ms + *request.deadline_ms : kNoDeadline, job.options.request_id,
-      job.options.trace_id);
+      job.deadline_ms, job.options.request_id, job.options.trace_id,
+      request.deadline_ms ? now_ms + *request.deadline_ms : 0);
 }
 
 // queue, upload, then what workers measured: those of attempts that were preempted, and the last
@@ -291,8 +292,11 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
       VOXELD_TRY(check_queue(connection, tenant, limits));
     }
     VOXELD_ASSIGN(const int64_t used, used_bytes(connection, tenant));
-    VOXELD_TRY(insert_job(connection,
-                          {request, options, id, hash, tenant, asset_tenant, options_json}, now));
+    VOXELD_TRY(
+        insert_job(connection,
+                   {request, options, id, hash, tenant, asset_tenant, options_json,
+                    request.deadline_ms ? deadline_now_ms() + *request.deadline_ms : kNoDeadline},
+                   now));
     if (cached != 0) VOXELD_TRY(end_with_cached(connection, id, cached, now));
     if (!options.idempotency_key.empty()) {
       VOXELD_TRY(remember_key(connection, tenant, options.idempotency_key, key_hash, id, now));
@@ -432,19 +436,20 @@ Result<std::vector<std::string>> JobStore::forget(const Caller& caller, std::str
   return ids;
 }
 
-Result<JobStore::Expired> JobStore::expire(int64_t now_ms) {
+Result<JobStore::Expired> JobStore::expire() {
+  const int64_t now_ms = deadline_now_ms();
   Expired expired;
   {
     // Mostly there is nothing to write.
     VOXELD_ASSIGN(Database::Lease reader, database_.read());
     VOXELD_ASSIGN(const Due due, next_due(*reader));
-    expired.next_ms = due.deadline_ms;
+    expired.next_in_ms = due.deadline_ms == 0 ? 0 : due.deadline_ms - now_ms;
     if (due.deadline_ms == 0 || due.deadline_ms > now_ms) return expired;
   }
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     while (true) {
       VOXELD_ASSIGN(const Due due, next_due(connection));
-      expired.next_ms = due.deadline_ms;
+      expired.next_in_ms = due.deadline_ms == 0 ? 0 : due.deadline_ms - now_ms;
       if (due.deadline_ms == 0 || due.deadline_ms > now_ms) return {};
       VOXELD_TRY(end_with_error(connection, due.id, deadline_error(), 0));
       VOXELD_ASSIGN(JobRecord record, record_change(connection, due.id));

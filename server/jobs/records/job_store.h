@@ -61,8 +61,14 @@ struct RunningJob {
 class JobStore {
  public:
   // `is_stored` tells whether a blob is in the blob store and not known to be damaged.
-  JobStore(Database& database, std::function<bool(std::string_view id)> is_stored)
-      : database_(database), is_stored_(std::move(is_stored)) {}
+  // `deadline_now_ms`: the clock of deadlines, in milliseconds; it must not jump.
+  JobStore(Database& database, std::function<bool(std::string_view id)> is_stored,
+           std::function<int64_t()> deadline_now_ms)
+      : database_(database),
+        is_stored_(std::move(is_stored)),
+        deadline_now_ms_(std::move(deadline_now_ms)) {}
+
+  int64_t deadline_now_ms() const { return deadline_now_ms_(); }
 
   struct Submitted {
     JobRecord record;
@@ -120,14 +126,16 @@ class JobStore {
   // Ends queued jobs whose deadline has passed.
   struct Expired {
     std::vector<JobRecord> ended;
-    int64_t next_ms = 0;  // the earliest deadline of those that still wait; 0: none has one
+    int64_t next_in_ms = 0;  // until the next deadline of those that still wait; 0: none has one
   };
-  Result<Expired> expire(int64_t now_ms);
+  Result<Expired> expire();
 
   // At start, before any worker: running jobs are queued again (their attempt does not count),
   // cancelled ones and one-shot jobs, whose clients are gone, end as cancelled. Returns how many
   // jobs it touched.
-  Result<int64_t> recover();
+  // `stopped_ms`: for how long the clock of deadlines went on without a daemon; deadlines are
+  // later by that, so that jobs have what remained.
+  Result<int64_t> recover(int64_t stopped_ms);
 
   // That a finished voxelization of the caller left this container, or a frame, and that it was not
   // deleted since. Errors: not-found, gone.
@@ -152,6 +160,7 @@ class JobStore {
  private:
   Database& database_;
   std::function<bool(std::string_view)> is_stored_;
+  std::function<int64_t()> deadline_now_ms_;
 };
 
 }  // namespace voxeld

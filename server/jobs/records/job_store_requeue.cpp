@@ -80,11 +80,15 @@ Result<std::optional<JobRecord>> JobStore::preempt(const TaskPreemption& preempt
   return changed;
 }
 
-Result<int64_t> JobStore::recover() {
+Result<int64_t> JobStore::recover(int64_t stopped_ms) {
   int64_t touched = 0;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE created_ms <= $1",
                               unix_time_ms() - kIdempotencyKeptMs));
+    VOXELD_TRY(
+        connection.run("UPDATE jobs SET deadline_ms = deadline_ms + $1"
+                       " WHERE state IN ('queued', 'running') AND deadline_ms <> $2",
+                       stopped_ms, kNoDeadline));
     std::vector<std::string> ids;
     {
       VOXELD_ASSIGN(SqlStatement rows,

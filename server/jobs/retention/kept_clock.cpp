@@ -28,7 +28,8 @@ KeptClock::KeptClock(Sources sources, int64_t saved_kept_ms, int64_t saved_wall_
   first_steady_ms_ = sources_.steady_ms();
   first_kept_ms_ = wall;
   if (saved_kept_ms > 0) {
-    first_kept_ms_ = saved_kept_ms + std::clamp<int64_t>(wall - saved_wall_ms, 0, kStoppedMsMax);
+    stopped_ms_ = std::clamp<int64_t>(wall - saved_wall_ms, 0, kStoppedMsMax);
+    first_kept_ms_ = saved_kept_ms + stopped_ms_;
   }
   ahead_ms_ = wall - first_kept_ms_;
 }

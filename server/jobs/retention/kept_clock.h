@@ -1,5 +1,5 @@
-// The clock of retention. It goes on as the machine runs, whatever is done to its wall clock, so
-// that a jump of that makes nothing old.
+// The clock of retention and of deadlines. It goes on as the machine runs, whatever is done to its
+// wall clock, so that a jump of that makes nothing old or late.
 #pragma once
 
 #include <cstdint>
@@ -28,6 +28,8 @@ class KeptClock {
   KeptClock(Sources sources, int64_t saved_kept_ms, int64_t saved_wall_ms);
   int64_t now_ms() const { return first_kept_ms_ + sources_.steady_ms() - first_steady_ms_; }
   int64_t wall_ms() const { return sources_.wall_ms(); }
+  // What passed between the last process and this one.
+  int64_t stopped_ms() const { return stopped_ms_; }
   // By how much the wall clock moved since the last call beside the time that passed; 0 for less
   // than kJumpMsMin.
   int64_t take_jump_ms() EXCLUDES(mutex_);
@@ -36,6 +38,7 @@ class KeptClock {
   const Sources sources_;
   int64_t first_steady_ms_ = 0;
   int64_t first_kept_ms_ = 0;
+  int64_t stopped_ms_ = 0;
   Mutex mutex_;
   int64_t ahead_ms_ GUARDED_BY(mutex_) = 0;  // of the wall clock before kept time
 };

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <utility>
 
-#include "server/base/clock.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/jobs/model/job_record.h"
@@ -12,7 +11,7 @@
 namespace voxeld {
 namespace {
 
-// The longest sleep: a clock that was set, and jobs that were put back, are noticed after it.
+// The longest sleep: a suspend of the machine, and jobs that were put back, are noticed after it.
 constexpr std::chrono::milliseconds kSleepMax{1000};
 
 }  // namespace
@@ -59,15 +58,14 @@ void DeadlineWatch::run() {
 }
 
 std::chrono::milliseconds DeadlineWatch::end_expired() {
-  const int64_t now = unix_time_ms();
-  const auto expired = jobs_.expire(now);
+  const auto expired = jobs_.expire();
   if (!expired) {
     log::error("cannot look for deadlines", {{"error", expired.error().message()}});
     return kSleepMax;
   }
   for (const JobRecord& record : expired->ended) ended_(record);
-  if (expired->next_ms == 0) return kSleepMax;
-  return std::clamp(std::chrono::milliseconds(expired->next_ms - now), std::chrono::milliseconds(1),
+  if (expired->next_in_ms == 0) return kSleepMax;
+  return std::clamp(std::chrono::milliseconds(expired->next_in_ms), std::chrono::milliseconds(1),
                     kSleepMax);
 }
 

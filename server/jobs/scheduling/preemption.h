@@ -39,7 +39,7 @@ struct PreemptionView {
   std::function<double(const std::string& tenant)> weight;
   // That a queued job is expected to take; 0: not known.
   std::function<double(const std::string& job)> expected_seconds;
-  int64_t now_ms = 0;  // Unix time
+  int64_t now_ms = 0;  // by the clock of deadlines
 };
 
 // Whether it has worked for long enough since it was started.

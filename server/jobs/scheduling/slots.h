@@ -28,7 +28,7 @@ struct IdleSlot {
 struct StartedJob {
   std::string tenant;
   int priority = 0;
-  int64_t deadline_ms = kNoDeadline;  // Unix time
+  int64_t deadline_ms = kNoDeadline;  // as JobRecord has it
   int64_t seq = 0;                    // order of arrival
   bool is_preemptible = false;        // as its worker says
   bool is_asked = false;              // to preempt

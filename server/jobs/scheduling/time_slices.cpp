@@ -1,5 +1,4 @@
 #include "server/jobs/scheduling/time_slices.h"
-#include "server/base/clock.h"
 
 #include <algorithm>
 #include <array>
@@ -188,7 +187,9 @@ Status TimeSlices::check_fits(const Started& task) const {
 TimeSlices::Outcome TimeSlices::wait(const Task& task, MutexLock& lock, const Stop& stop) {
   const auto stops = [&] {
     const int64_t deadline = task->task.deadline_at_ms;
-    return (deadline != 0 && unix_time_ms() >= deadline) || (stop && stop());
+    const bool has_passed =
+        deadline != 0 && config_.deadline_now_ms && config_.deadline_now_ms() >= deadline;
+    return has_passed || (stop && stop());
   };
   if (stops()) {
     grant_free();

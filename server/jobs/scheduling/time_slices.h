@@ -46,7 +46,7 @@ struct SliceTask {
   int64_t fence = 0;
   std::string device, tenant;
   int priority = 0;
-  int64_t deadline_at_ms = 0;  // 0: none
+  int64_t deadline_at_ms = 0;  // by TimeSlicesConfig::deadline_now_ms; 0: none
   int64_t seq = 0;             // order of arrival
   int64_t pid = 0;             // of its worker; 0: its CPU time is not known
 };
@@ -69,6 +69,7 @@ struct TimeSlicesConfig {
   // With each charge of CPU time; null: nobody. Not to call back.
   std::function<void(const SliceTask& task, double cpu_seconds)> charged_cpu;
   std::function<Clock::time_point()> now = [] { return Clock::now(); };  // of what is charged
+  std::function<int64_t()> deadline_now_ms;  // of deadlines; null: they do not pass
 };
 
 // Thread-safe.

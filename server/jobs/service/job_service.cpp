@@ -186,7 +186,7 @@ void Service::job_submitted(const JobRecord& record, const SubmitOptions& option
   });
   step([&] { update_gauges(); });
   step([&] {
-    if (status.deadline_at_ms != 0) deadlines_->look();
+    if (record.deadline_ms != kNoDeadline) deadlines_->look();
   });
   step([&] { tasks_->notify_work(); });
 }

@@ -45,7 +45,9 @@ class Service final : public JobService {
         clock_(config.clock, mark_->mark().kept_ms, mark_->mark().wall_ms),
         database_(std::move(store.database)),
         keys_(*database_),
-        jobs_(*database_, [this](std::string_view id) { return blobs_.is_usable(id); }),
+        jobs_(
+            *database_, [this](std::string_view id) { return blobs_.is_usable(id); },
+            [this] { return clock_.now_ms(); }),
         parts_(std::move(parts)),
         assets_(*database_, blobs_),
         frames_(*database_, blobs_),

@@ -34,6 +34,7 @@ TimeSlicesConfig Service::slices_config() {
     metrics_.had_slice(task.device, task.tenant, seconds);
   };
   config.cpu_seconds = process_cpu_seconds;
+  config.deadline_now_ms = [this] { return clock_.now_ms(); };
   config.cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   config.charged_cpu = [this](const SliceTask& task, double seconds) {
     metrics_.used_cpu(task.tenant, seconds);
@@ -45,7 +46,7 @@ Status Service::start() {
   VOXELD_TRY(keys_.check(config_.has_keys && config_.has_keys(), config_.forgets_keys));
   blobs_.disk().keep_ballast();
   database_->set_make_way([this] { return blobs_.disk().make_way(); });
-  VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
+  VOXELD_ASSIGN(const int64_t recovered, jobs_.recover(clock_.stopped_ms()));
   if (recovered > 0) log::info("jobs of an earlier process recovered", {{"jobs", recovered}});
   if (auto removed = assets_.remove_unneeded(); !removed) {  // the disk may be full just now
     log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});

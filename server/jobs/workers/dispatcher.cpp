@@ -4,7 +4,6 @@
 #include <thread>
 #include <utility>
 
-#include "server/base/clock.h"
 #include "server/base/log.h"
 #include "server/jobs/scheduling/preemption.h"
 
@@ -272,7 +271,7 @@ bool Dispatcher::assign(std::vector<IdleSlot> idle, const JobRecord& record) {
   StartedJob started;
   started.tenant = record.tenant;
   started.priority = status.priority;
-  started.deadline_ms = status.deadline_at_ms == 0 ? kNoDeadline : status.deadline_at_ms;
+  started.deadline_ms = record.deadline_ms;
   started.seq = record.seq;
   started.device_seconds = status.device_ms / 1000.0;
   JobRecord assigned = record;
@@ -441,7 +440,7 @@ void Dispatcher::choose_preempted(const std::string& device) {
       [&](const std::string& job) {
         return config_.expected_seconds ? config_.expected_seconds(job) : 0.0;
       },
-      unix_time_ms()};
+      context_.jobs.deadline_now_ms()};
   const std::vector<size_t> preempted = jobs_to_preempt(view);
   for (size_t i = 0; i < busy.size(); ++i) {
     const bool is_asked = std::find(preempted.begin(), preempted.end(), i) != preempted.end();

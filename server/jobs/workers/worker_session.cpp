@@ -286,9 +286,9 @@ Status WorkerSession::send_task(const JobRecord& record, const Task& sent) {
   const JobStatus& status = record.status;
   const TaskServerContext& parts = context_.parts;
   input_ = sent.input_hash;
-  deadline_at_ms_ = status.deadline_at_ms;
+  deadline_ms_ = record.deadline_ms;
   parts.slices.begin_task({status.id, record.fence, device_, record.tenant, status.priority,
-                           status.deadline_at_ms, record.seq, pid_});
+                           deadline_ms_ == kNoDeadline ? 0 : deadline_ms_, record.seq, pid_});
   if (status.attempt == 1 && status.preempted == 0) {
     parts.metrics.waited(record.tenant,
                          static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
@@ -501,8 +501,8 @@ std::string WorkerSession::overdue(const TaskProgress& progress, double stop_age
 
 double WorkerSession::stop_age_seconds() const {
   const double cancelled = context_.parts.board.cancel_age_seconds(task());
-  const int64_t late_ms = unix_time_ms() - deadline_at_ms_;
-  if (deadline_at_ms_ == 0 || late_ms < 0) return cancelled;
+  const int64_t late_ms = context_.parts.jobs.deadline_now_ms() - deadline_ms_;
+  if (deadline_ms_ == kNoDeadline || late_ms < 0) return cancelled;
   return std::max(cancelled, static_cast<double>(late_ms) / 1000.0);
 }
 

@@ -117,11 +117,11 @@ class WorkerSession {
   std::string device_;
   int64_t pid_ = 0;
   int64_t fence_ = 0;
-  std::string input_;           // hash, of the task
-  int64_t deadline_at_ms_ = 0;  // of the task; 0: none
-  TaskProgress progress_;       // the last report that said something new …
-  Stopwatch since_progress_;    // … and its age
-  std::string kill_reason_;     // why the session killed the worker, once it did
+  std::string input_;                  // hash, of the task
+  int64_t deadline_ms_ = kNoDeadline;  // of the task
+  TaskProgress progress_;              // the last report that said something new …
+  Stopwatch since_progress_;           // … and its age
+  std::string kill_reason_;            // why the session killed the worker, once it did
 
   mutable Mutex mutex_;
   WorkerState state_ GUARDED_BY(mutex_);

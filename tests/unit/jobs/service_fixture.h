@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "server/base/clock.h"
 #include "server/jobs/database/sqlite_connection.h"
 #include "server/jobs/service/job_service.h"
 #include "server/store/blob_store.h"
@@ -36,6 +37,9 @@ class ServiceTest : public ::testing::Test {
     config.is_queue_shared = [this] { return is_queue_shared_; };
     config.store_match = store_match_;
     config.isolation = [this] { return isolation_.load(); };
+    config.clock = {
+        [this] { return unix_time_ms() + wall_jump_ms_; },
+        [steady_ms = KeptClock::real().steady_ms, this] { return steady_ms() + passed_ms_; }};
     auto service = start_job_service(config, nullptr);
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
@@ -88,6 +92,8 @@ class ServiceTest : public ::testing::Test {
   bool is_queue_shared_ = false;
   StoreMatch store_match_ = StoreMatch::kRequired;
   std::atomic<WorkerIsolation> isolation_{WorkerIsolation::kNone};
+  std::atomic<int64_t> wall_jump_ms_{0};  // of the system's clock
+  std::atomic<int64_t> passed_ms_{0};     // beside the time that passes
   std::unique_ptr<JobService> service_;
 };
 

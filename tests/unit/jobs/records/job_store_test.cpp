@@ -35,7 +35,8 @@ class JobStoreTest : public ::testing::Test {
     ASSERT_TRUE(database) << database.error().message();
     database_ = *std::move(database);
     store_ = std::make_unique<JobStore>(
-        *database_, [this](std::string_view id) { return blobs_->stat(id).ok(); });
+        *database_, [this](std::string_view id) { return blobs_->stat(id).ok(); },
+        [this] { return deadline_now_ms_; });
     assets_ = std::make_unique<AssetStore>(*database_, *blobs_);
   }
   std::string put_blob(const std::string& text) {
@@ -81,6 +82,7 @@ class JobStoreTest : public ::testing::Test {
   JobStatus get(const std::string& id) { return store_->get(Caller::open(), id).value().status; }
 
   testing::TemporaryDir dir_;
+  int64_t deadline_now_ms_ = 1'000'000;
   std::optional<BlobStore> blobs_;
   std::unique_ptr<Database> database_;
   std::unique_ptr<JobStore> store_;
@@ -371,7 +373,7 @@ TEST_F(JobStoreTest, what_an_earlier_process_left_running_is_queued_again_in_its
   const JobRecord running = claim();
   EXPECT_EQ(running.status.id, first);
   open();
-  EXPECT_EQ(store_->recover().value(), 1);
+  EXPECT_EQ(store_->recover(0).value(), 1);
   const JobStatus status = get(first);
   EXPECT_EQ(status.state, JobState::kQueued);
   EXPECT_EQ(status.queue_position, 1);
@@ -384,6 +386,38 @@ TEST_F(JobStoreTest, what_an_earlier_process_left_running_is_queued_again_in_its
   EXPECT_EQ(get(second).queue_position, 1);
 }
 
+TEST_F(JobStoreTest, a_deadline_passes_by_its_own_clock) {
+  JobRequest due = request(put_asset("mesh"));
+  due.deadline_ms = 3'600'000;
+  const JobRecord record = submit(due);
+  EXPECT_EQ(record.deadline_ms, deadline_now_ms_ + 3'600'000);
+  EXPECT_EQ(record.status.deadline_at_ms, record.status.created_ms + 3'600'000) << "as announced";
+  submit(request(due.asset));
+  EXPECT_EQ(store_->expire().value().next_in_ms, 3'600'000);
+  deadline_now_ms_ += 3'599'999;
+  const auto before = store_->expire();
+  EXPECT_TRUE(before->ended.empty());
+  EXPECT_EQ(before->next_in_ms, 1);
+  deadline_now_ms_ += 1;
+  const auto after = store_->expire();
+  ASSERT_EQ(after->ended.size(), 1u);
+  EXPECT_EQ(after->ended[0].status.id, record.status.id);
+  EXPECT_EQ(after->next_in_ms, 0);
+}
+
+TEST_F(JobStoreTest, after_a_restart_a_job_has_the_time_that_remained) {
+  JobRequest due = request(put_asset("mesh"));
+  due.deadline_ms = 3'600'000;
+  submit(due);
+  const std::string endless = submit(request(due.asset)).status.id;
+  deadline_now_ms_ += 600'000;
+  open();
+  deadline_now_ms_ += 10'800'000;
+  ASSERT_TRUE(store_->recover(10'800'000));
+  EXPECT_EQ(store_->expire().value().next_in_ms, 3'000'000);
+  EXPECT_EQ(store_->get(Caller::open(), endless)->deadline_ms, kNoDeadline);
+}
+
 TEST_F(JobStoreTest, recovery_ends_one_shot_jobs_and_those_that_were_being_cancelled) {
   const std::string asset = put_asset("mesh");
   SubmitOptions one_shot;
@@ -393,7 +427,7 @@ TEST_F(JobStoreTest, recovery_ends_one_shot_jobs_and_those_that_were_being_cance
   claim();
   ASSERT_TRUE(store_->cancel(Caller::open(), cancelled));
   open();
-  EXPECT_EQ(store_->recover().value(), 2);
+  EXPECT_EQ(store_->recover(0).value(), 2);
   EXPECT_EQ(get(cancelled).state, JobState::kCancelled);
   EXPECT_EQ(get(left).state, JobState::kCancelled);
   EXPECT_EQ(get(left).error->detail, "the daemon restarted while the client was waiting");

@@ -83,7 +83,8 @@ class RetentionTest : public ::testing::Test {
   testing::TemporaryDir dir_;
   BlobStore blobs_ = BlobStore::open(dir_.path()).value();
   std::unique_ptr<Database> database_ = SqliteDatabase::open(dir_.path() / "jobs.sqlite").value();
-  JobStore jobs_{*database_, [this](std::string_view id) { return blobs_.is_usable(id); }};
+  JobStore jobs_{*database_, [this](std::string_view id) { return blobs_.is_usable(id); },
+                 unix_time_ms};
   AssetStore assets_{*database_, blobs_};
   FrameStore frames_{*database_, blobs_};
   Retention retention_{*database_, blobs_};

@@ -29,6 +29,7 @@ class TimeSlicesTest : public ::testing::Test {
   TimeSlicesTest() { use({}); }
   void use(TimeSlicesConfig config) {
     config.now = [this] { return TimeSlicesConfig::Clock::time_point(milliseconds(now_ms_)); };
+    config.deadline_now_ms = [this] { return now_ms_.load(); };
     config.weight_of = [this](const std::string& tenant) { return weights_[tenant]; };
     config.charged = [this](const SliceTask& task, double) { order_.push_back(task.id); };
     config.cpu_seconds = [this](int64_t pid) { return cpu_seconds_[pid]; };
@@ -219,9 +220,12 @@ TEST_F(TimeSlicesTest, a_task_that_ends_fences_its_waiting_call_and_releases_its
 
 TEST_F(TimeSlicesTest, a_deadline_that_passes_ends_the_wait) {
   begin("holder", "a");
-  begin("late", "b", 0, unix_time_ms() + 60);
+  begin("late", "b", 0, now_ms_ + 60);
   ASSERT_EQ(take("holder"), Outcome::kGranted);
-  EXPECT_EQ(*slices_->take("late", 1, {}, {}), Outcome::kStopped);
+  std::thread late([this] { EXPECT_EQ(take("late"), Outcome::kStopped); });
+  EXPECT_TRUE(testing::comes_true([&] { return slices_->is_waiting("late"); }));
+  hold(milliseconds(60));
+  late.join();
 }
 
 TEST_F(TimeSlicesTest, the_share_of_a_tenant_grows_during_its_slice) {
