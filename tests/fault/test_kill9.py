@@ -228,6 +228,11 @@ class Arena:
 
     def check(self):
         history = self.history
+        unacknowledged = len(history.requests) - len(history.jobs)
+        # A cancel that came after the end of its job removed the record.
+        for key in history.cancelled & set(history.jobs):
+            if self.daemon.get("/v1/jobs/" + history.jobs[key]).status == 404:
+                del history.jobs[key]
         by_key = {}
         for key, job in history.jobs.items():
             self.check_job(key, job)
@@ -236,7 +241,6 @@ class Arena:
         # Every existing job was requested, by one key only. Jobs whose response was lost and not
         # requested again are at most as many as the requests that were not acknowledged.
         total = self.count_jobs()
-        unacknowledged = len(history.requests) - len(history.jobs)
         if not len(history.jobs) <= total <= len(history.jobs) + unacknowledged:
             history.problem(f"{total} jobs, {len(history.jobs)} acknowledged, {unacknowledged} not")
         for key, job in history.jobs.items():  # a key still means its job
