@@ -25,6 +25,7 @@ inline constexpr int kLingerSecondsMax = 2;  // for a client to close after its 
 inline constexpr double kIdleSecondsMin = 1.0;
 inline constexpr double kHeadSecondsMin = 1.0;
 inline constexpr double kBodySecondsMin = 5.0;
+
 struct HttpServerConfig {
   std::string listen;  // "127.0.0.1:8080"; port 0 takes a free one
   // Each runs a handler, reads or sends; none waits for a client or a job.

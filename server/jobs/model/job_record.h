@@ -9,6 +9,7 @@
 
 namespace voxeld {
 
+// Of a job without one: it sorts behind all others.
 inline constexpr int64_t kNoDeadline = INT64_MAX;
 
 // A job with the facts that its public status leaves out.

@@ -13,8 +13,6 @@
 
 namespace voxeld {
 
-// In the database, of a job without a deadline: it sorts behind all others.
-
 // A tenant's first queued job: of the highest priority, then of the earliest deadline, then that
 // which arrived first.
 struct QueueHead {

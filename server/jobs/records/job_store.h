@@ -132,9 +132,8 @@ class JobStore {
 
   // At start, before any worker: running jobs are queued again (their attempt does not count),
   // cancelled ones and one-shot jobs, whose clients are gone, end as cancelled. Returns how many
-  // jobs it touched.
-  // `stopped_ms`: for how long the clock of deadlines went on without a daemon; deadlines are
-  // later by that, so that jobs have what remained.
+  // jobs it touched. `stopped_ms`: for how long the clock of deadlines went on without a daemon;
+  // deadlines are later by that, so that jobs have what remained.
   Result<int64_t> recover(int64_t stopped_ms);
 
   // That a finished voxelization of the caller left this container, or a frame, and that it was not

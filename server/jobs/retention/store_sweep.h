@@ -18,10 +18,9 @@
 namespace voxeld {
 
 // Thread-safe. Looks at the store's size, at tenants' shares of rows, at deleted assets and at its
-// suspects every second, at
-// deleted assets also when it is told to, and at ages every ten;
-// among all blobs it looks for those that no row names, which go to quarantine, when it starts and
-// once a day.
+// suspects every second, at deleted assets also when it is told to, and at ages every ten; among
+// all blobs it looks for those that no row names, which go to quarantine, when it starts and once a
+// day.
 class StoreSweep {
  public:
   // `note` is called every second, on the sweep's thread.

@@ -131,17 +131,17 @@ TEST_F(SchedulerTest, a_job_whose_deadline_passes_while_it_is_queued_fails_then_
 }
 
 TEST_F(SchedulerTest, a_jump_of_the_systems_clock_by_three_hours_ends_no_job_with_an_hour_left) {
-  constexpr int64_t kHourMs = 3'600'000;
-  const std::string hour = submit_as("", 0, kHourMs), soon = submit_as("", 0, kHourMs / 60);
-  wall_jump_ms_ = 3 * kHourMs;
-  const std::string later = submit_as("", 0, kHourMs);
+  constexpr int64_t kAnHourMs = 3'600'000;
+  const std::string hour = submit_as("", 0, kAnHourMs), soon = submit_as("", 0, kAnHourMs / 60);
+  wall_jump_ms_ = 3 * kAnHourMs;
+  const std::string later = submit_as("", 0, kAnHourMs);
   // A deadline that is looked at after the jump.
-  passed_ms_ = kHourMs / 60;
+  passed_ms_ = kAnHourMs / 60;
   EXPECT_EQ(wait_end(soon).error->code, ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(get(hour).state, JobState::kQueued);
   EXPECT_EQ(get(later).state, JobState::kQueued);
-  wall_jump_ms_ = -3 * kHourMs;
-  passed_ms_ = 2 * kHourMs;
+  wall_jump_ms_ = -3 * kAnHourMs;
+  passed_ms_ = 2 * kAnHourMs;
   for (const std::string& id : {hour, later}) {
     EXPECT_EQ(wait_end(id).error->code, ErrorCode::kDeadlineExceeded) << "time that really passed";
   }
