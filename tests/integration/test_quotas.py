@@ -121,7 +121,7 @@ class Quotas(unittest.TestCase):
         _, lab = self.tenant("reader")
         asset = lab.upload(self.fixtures / "sample.ply")
         before, clients, jobs, size = self.usage(lab), [], [], 0
-        for side in (220, 221, 222):  # some 10 MB each
+        for side in (300, 301, 302):  # some 11 MB each
             status = lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": side, "format": "npy"}))
             self.assertEqual(status["state"], "done", status)
             size += status["result"]["bytes"]

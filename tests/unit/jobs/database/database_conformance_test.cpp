@@ -510,7 +510,7 @@ Status put_frame(SqlConnection& c, const std::string& tenant, const std::string&
   return c.run(
       "INSERT INTO frames (job_id, frame, tenant, time_s, grid, bytes, voxel_count, content_hash)"
       " VALUES ($1, $2, $3, '0', $4, 6, 1, 'c') ON CONFLICT (job_id, frame) DO UPDATE"
-      " SET grid = excluded.grid, bytes = excluded.bytes",
+      " SET grid = excluded.grid, bytes = excluded.bytes, expired_ms = 0",
       job, frame, tenant, "frame " + std::to_string(frame % 3));
 }
 
