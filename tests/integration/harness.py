@@ -214,6 +214,11 @@ class Daemon:
                 return status
             assert time.monotonic() < deadline, status
 
+    def cancel(self, job):
+        """Cancels a job and returns how it ended, also where that was before, which removes its record."""
+        response = self.request("DELETE", f"/v1/jobs/{job}")
+        return self.wait(job) if response.status == 202 else response.json()
+
     def wait_state(self, job, state, seconds=HANG_SECONDS):
         deadline = time.monotonic() + seconds
         while True:

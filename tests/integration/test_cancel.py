@@ -77,8 +77,7 @@ class CancelLoad:
         wait_until(is_in_stage, f"stage {stage}")
         time.sleep(after_seconds)
         begin = time.monotonic()
-        daemon.request("DELETE", f"/v1/jobs/{job}")
-        status = daemon.wait(job)
+        status = daemon.cancel(job)
         return (time.monotonic() - begin) * 1000, status
 
 

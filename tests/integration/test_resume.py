@@ -141,8 +141,7 @@ class Estimates(DaemonTest):
         self.assertGreaterEqual(estimated["expected_end_ms"], ends[-1]["created_ms"])
         self.assertGreaterEqual(estimated["queue_position"], 4)
         for job in [first, *jobs]:
-            self.daemon.request("DELETE", f"/v1/jobs/{job}")
-            ended = self.daemon.wait(job)
+            ended = self.daemon.cancel(job)
             self.assertNotIn("estimate", ended)
 
 

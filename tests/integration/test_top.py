@@ -78,9 +78,7 @@ class Top(DaemonTest):
 
     def tearDown(self):
         for job in self.jobs:
-            self.daemon.request("DELETE", f"/v1/jobs/{job}")
-        for job in self.jobs:
-            self.daemon.wait(job)
+            self.daemon.cancel(job)
 
     def voxel(self, *arguments):
         return subprocess.run([BIN / "voxel", "top", "--url", self.daemon.url, *arguments],
