@@ -2,6 +2,6 @@
 
 namespace voxeld::internal {
 
-constinit thread_local const std::atomic<bool>* cancel_flag = nullptr;
+constinit thread_local const CancelScope* cancel_scope = nullptr;
 
 }  // namespace voxeld::internal

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 
@@ -14,6 +15,17 @@ inline constexpr size_t kVoxelThreadsMax = 8;
 // Threads of one loop on this machine, with the one that runs it.
 inline int voxel_threads() {
   return static_cast<int>(std::min(ThreadPool::shared().threads(), kVoxelThreadsMax));
+}
+
+// Calls work(i) for each i < count on the threads of the process's pool, within the caller's
+// CancelScope: a cancellation point on any of them ends the loop, which then throws Cancelled.
+template <typename Work>
+void parallel_for(size_t count, const Work& work) {
+  const CancelScope* const scope = internal::cancel_scope;
+  ThreadPool::shared().for_each(count, [&](size_t i) {
+    const BorrowedCancelScope borrowed(scope);
+    work(i);
+  });
 }
 
 // Number of chunks that parallel_chunks() makes of `count` elements: one per thread, but none
@@ -31,8 +43,7 @@ void parallel_chunks(size_t count, size_t grain, const Body& body) {
   const auto bound = [&](size_t chunk) {
     return count / chunks * chunk + std::min(chunk, count % chunks);
   };
-  ThreadPool::shared().for_each(chunks,
-                                [&](size_t chunk) { body(chunk, bound(chunk), bound(chunk + 1)); });
+  parallel_for(chunks, [&](size_t chunk) { body(chunk, bound(chunk), bound(chunk + 1)); });
 }
 
 // A number of threads of the process's pool, for work whose parts have state of their own.
@@ -47,8 +58,8 @@ class ThreadTeam {
   // parts may run on the same thread, one after the other, so that no part may wait for another.
   template <typename Body>
   void run(int count, const Body& body) const {
-    ThreadPool::shared().for_each(static_cast<size_t>(std::max(count, 0)),
-                                  [&](size_t part) { body(static_cast<int>(part)); });
+    parallel_for(static_cast<size_t>(std::max(count, 0)),
+                 [&](size_t part) { body(static_cast<int>(part)); });
   }
 
  private:

@@ -6,6 +6,7 @@
 #include "proto/messages/task_bounds.h"
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
+#include "server/base/log.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/process/machine.h"
@@ -20,6 +21,7 @@
 #include "server/worker/images/image_task.h"
 #include "server/worker/mesh/inspect.h"
 #include "server/worker/task/asset_input.h"
+#include "server/worker/task/cancel_watch.h"
 #include "server/worker/task/task_run.h"
 
 namespace voxeld {
@@ -164,10 +166,9 @@ Status run_kind(TaskRun& run) {
   VOXELD_CHECK(false, "job kinds are checked when the task is parsed");
 }
 
-// Runs the task with its cancel flag installed and every exception caught.
-Status run_guarded(TaskRun& run) {
+// Runs the task with every exception caught.
+Status run_caught(TaskRun& run) {
   const PeakMemory peak;
-  const CancelScope scope(run.monitor.cancel_flag());
   try {
     add_meta(run, {{"source_hash", run.task.input_hash}});
     VOXELD_TRY(run_kind(run));
@@ -183,6 +184,19 @@ Status run_guarded(TaskRun& run) {
     return Error{ErrorCode::kInternal, std::string("unexpected failure: ") + failure.what(), "",
                  ""};
   }
+}
+
+// Runs the task with its cancel flag installed, and reports where a cancel would have come late.
+Status run_guarded(TaskRun& run) {
+  const CancelScope scope(run.monitor.cancel_flag());
+  const CancelWatch watch(scope, [&run] { return run.monitor.progress().stage; });
+  Status done = run_caught(run);
+  const CancelWatch::Distance longest = watch.longest();
+  if (longest.ms > CancelWatch::kDistanceMsMax) {
+    log::warn("a cancellation point came late",
+              {{"job", run.task.id}, {"stage", longest.stage}, {"ms", longest.ms}});
+  }
+  return done;
 }
 
 // Texts of an error are cut to what the task API carries.

@@ -49,6 +49,18 @@ def textured_mesh(images, side):
                    **{f"t{i}.png": png(side, i) for i in range(images)}}, zipfile.ZIP_STORED)
 
 
+def lattice(side):
+    """A PLY of separate triangles at the points of a lattice: all their edges are open."""
+    vertices, edge = bytearray(), 1e-5
+    for number in range(side ** 3):
+        x, y, z = ((number // side ** axis % side + 0.5) / side for axis in range(3))
+        vertices += struct.pack("<9f", x, y, z, x + edge, y, z, x, y + edge, z)
+    faces = b"".join(struct.pack("<B3i", 3, 3 * k, 3 * k + 1, 3 * k + 2) for k in range(side ** 3))
+    return (f"ply\nformat binary_little_endian 1.0\nelement vertex {3 * side ** 3}\nproperty float x\n"
+            f"property float y\nproperty float z\nelement face {side ** 3}\n"
+            "property list uchar int vertex_indices\nend_header\n").encode() + vertices + faces
+
+
 class CancelLoad:
     """Jobs that take long in one stage: (name of the asset, its bytes, options, that stage)."""
 
@@ -59,6 +71,8 @@ class CancelLoad:
                          {"size": 8, "color": "average", "cache": "no"}, "parse"),
             "voxelize": ("sample.glb", (fixtures / "sample.glb").read_bytes(),
                          {"size": 6000, "channels": "occupancy", "cache": "no"}, "voxelize"),
+            "winding": ("lattice.ply", lattice(28),
+                        {"size": 512, "fill": "solid", "sign": "winding", "cache": "no"}, "voxelize"),
             "export": ("sample.glb", (fixtures / "sample.glb").read_bytes(),
                        {"size": 1000, "format": "npz", "channels": "occupancy,normal", "dtype": "float32",
                         "cache": "no"}, "encode"),

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstddef>
 
+#include "server/base/cancel_point.h"
 #include "server/base/parallel.h"
 #include "server/grid/color_tables.h"
 
@@ -40,6 +41,7 @@ template <typename ReadTexel>
 void average_rows(int source_width, int source_height, LinearLevel& target, int begin, int end,
                   const ReadTexel& texel) {
   for (int y = begin; y < end; ++y) {
+    cancel_point();
     const Taps rows = taps_of(source_height, target.height, y);
     for (int x = 0; x < target.width; ++x) {
       const Taps columns = taps_of(source_width, target.width, x);
@@ -81,9 +83,15 @@ MipLevel encoded(const LinearLevel& level) {
   const auto& srgb8 = srgb8_from_linear16();
   MipLevel out{level.width, level.height, {}};
   out.rgba.reserve(4 * level.texels.size());
-  for (const Texel& texel : level.texels) {
-    for (size_t c = 0; c < 3; ++c) out.rgba.push_back(srgb8[texel[c]]);
-    out.rgba.push_back(static_cast<uint8_t>((texel[3] + 128u) / 257u));
+  for (int y = 0; y < level.height; ++y) {
+    cancel_point();
+    const Texel* const row =
+        &level.texels[static_cast<size_t>(y) * static_cast<size_t>(level.width)];
+    for (int x = 0; x < level.width; ++x) {
+      const Texel& texel = row[x];
+      for (size_t c = 0; c < 3; ++c) out.rgba.push_back(srgb8[texel[c]]);
+      out.rgba.push_back(static_cast<uint8_t>((texel[3] + 128u) / 257u));
+    }
   }
   return out;
 }

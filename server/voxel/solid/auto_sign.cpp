@@ -10,6 +10,7 @@
 #include <tuple>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/inside/winding_field.h"
 #include "server/voxel/solid/inside_cells.h"
 #include "server/voxel/solid/regions.h"
@@ -223,7 +224,10 @@ class Verdicts {
   void for_each(size_t count, const Each& each) const {
     std::atomic<size_t> next = 0;
     team_.run(team_.threads(), [&](int) {
-      for (size_t i = next++; i < count; i = next++) each(i);
+      for (size_t i = next++; i < count; i = next++) {
+        cancel_point();
+        each(i);
+      }
     });
   }
 
@@ -317,6 +321,7 @@ class Verdicts {
   BrickMask of_each(const glm::ivec3& first, const BrickMask& cells) const {
     BrickMask out;
     for (uint64_t n = 0, count = count_of(cells); n < count; ++n) {
+      cancel_point();
       const uint32_t cell = nth_cell(cells, n);
       if (size_at(cell_at(first, cell)) > kHalf) out = either(out, one_cell(cell));
     }

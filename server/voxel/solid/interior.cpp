@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/distance/brick_index.h"
 #include "server/voxel/solid/distance/nearest_cells.h"
 #include "server/voxel/solid/inside_cells.h"
@@ -181,7 +182,10 @@ Status copy_nearest(std::span<const SparseTile> surface, const GridSpec& spec, T
     if (!nearest.compute(static_cast<int>(slab))) return {};
     std::atomic<size_t> next = 0;
     team.run(team.threads(), [&](int) {
-      for (size_t b = next++; b < bricks.size(); b = next++) interior.fill(bricks[b], nearest);
+      for (size_t b = next++; b < bricks.size(); b = next++) {
+        cancel_point();
+        interior.fill(bricks[b], nearest);
+      }
     });
   }
   return {};

@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/inside_cells.h"
 
 namespace voxeld {
@@ -179,6 +180,7 @@ void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, Thr
   team.run(team.threads(), [&](int) {
     SparseTile none;
     for (size_t p = next++; p < pairs.size(); p = next++) {
+      cancel_point();
       const Pair& pair = pairs[p];
       if (pair.surface == nullptr && bare) {
         merged[p] = std::move(*pair.inside);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/distance/brick_index.h"
 #include "server/voxel/solid/distance/brick_planes.h"
 #include "server/voxel/solid/distance/distance.h"
@@ -147,6 +148,7 @@ SparseTile shell_of_tile(const SparseTile& inside, ShellBlock& block) {
   for_each_brick(inside, [&](uint32_t morton, const BrickMask& cells, size_t) {
     const auto number = static_cast<uint32_t>(morton / kBlockBrickCount);
     if (number != filter_block) {
+      cancel_point();
       const auto at = morton_decode(number);
       filter = std::make_unique<BlockFilter>(
           block, tile_brick + glm::ivec3(at[0], at[1], at[2]) * kBlockSideBricks);

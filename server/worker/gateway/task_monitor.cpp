@@ -3,6 +3,8 @@
 #include <chrono>
 #include <utility>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 
 TaskMonitor::TaskMonitor(TaskClient& client, const Task& task, ReadDeviceMemory device_memory)
@@ -56,7 +58,7 @@ bool TaskMonitor::set_progress(int64_t tiles_done, int64_t tiles_total) {
     progress_.tiles_done = tiles_done;
     progress_.tiles_total = tiles_total;
   }
-  return !cancelled_;
+  return !is_cancelled() && !cancelled_;
 }
 
 void TaskMonitor::set_frames(int64_t frames_done, int64_t frames_total) {
@@ -94,7 +96,7 @@ Status TaskMonitor::report_part(int64_t position, const std::filesystem::path& p
 }
 
 Status TaskMonitor::check() const {
-  if (!cancelled_) return {};
+  if (!is_cancelled() && !cancelled_) return {};
   return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};
 }
 

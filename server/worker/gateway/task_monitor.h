@@ -28,7 +28,7 @@ class TaskMonitor {
   ~TaskMonitor();
 
   void set_stage(std::string_view stage) EXCLUDES(mutex_);
-  // False: stop, the result is not wanted.
+  // A cancellation point. False: stop, the result is not wanted.
   bool set_progress(int64_t tiles_done, int64_t tiles_total) EXCLUDES(mutex_);
   void set_frames(int64_t frames_done, int64_t frames_total) EXCLUDES(mutex_);
   // Hands a frame to the gateway and counts it as done. Sets the frame's task and fence. Any thread
@@ -37,7 +37,7 @@ class TaskMonitor {
   Result<TaskFrameReply> report_frame(TaskFrame frame) EXCLUDES(mutex_);
   // Hands a part (TaskPart) to the gateway. Errors: as report_frame().
   Status report_part(int64_t position, const std::filesystem::path& path);
-  // Errors: cancelled.
+  // A cancellation point. Errors: cancelled.
   Status check() const;
   // The flag behind check(), for cancellation points (server/base/cancel_point.h).
   const std::atomic<bool>& cancel_flag() const { return cancelled_; }

@@ -4,6 +4,8 @@
 
 #include <thread>
 
+#include "server/base/parallel.h"
+
 namespace voxeld {
 namespace {
 
@@ -17,6 +19,23 @@ TEST(CancelPoint, throws_once_the_scope_s_flag_is_set_and_not_without_a_scope) {
     std::thread([] { EXPECT_NO_THROW(cancel_point()); }).join();  // it has no scope
   }
   EXPECT_NO_THROW(cancel_point());
+}
+
+TEST(CancelPoint, ends_a_loop_that_threads_share) {
+  std::atomic<bool> flag{false};
+  const CancelScope scope(flag);
+  const uint64_t passed = scope.points_passed();
+  const ThreadTeam team(4);
+  team.run(4, [&](int) { cancel_point(); });
+  EXPECT_GT(scope.points_passed(), passed);
+  // Every part goes on until the flag is set by the last of them.
+  std::atomic<int> begun{0};
+  const auto part = [&](int) {
+    if (++begun == 2) flag = true;
+    while (true) cancel_point();
+  };
+  EXPECT_THROW(ThreadTeam(2).run(2, part), Cancelled);
+  std::thread([] { EXPECT_NO_THROW(cancel_point()); }).join();
 }
 
 TEST(CancelPoint, passes_through_handlers_of_library_exceptions) {

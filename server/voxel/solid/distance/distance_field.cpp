@@ -11,6 +11,7 @@
 #include <glm/geometric.hpp>
 #include <glm/vector_relational.hpp>
 
+#include "server/base/cancel_point.h"
 #include "server/base/parallel.h"
 
 namespace voxeld {
@@ -244,6 +245,7 @@ Status find_band(const DistanceJob& job, double thickness, ThreadTeam& team,
     std::atomic<uint32_t> next = 0;
     team.run(team.threads(), [&](int) {
       for (uint32_t b = next++; b < kBlocks; b = next++) {
+        cancel_point();
         const glm::ivec3 tile_cell = tile * limits::kTileSide;
         BandWalk(job, thickness, tile_cell, blocks[b])
             .walk(cell_of(tile, b) - tile_cell, kBlockSide, TriangleTree::kNone);
@@ -263,6 +265,7 @@ std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile&
   std::atomic<size_t> next = 0;
   team.run(team.threads(), [&](int) {
     for (size_t part = next++; part < parts.size(); part = next++) {
+      cancel_point();
       parts[part] = distances_of_bricks(job, tile, part * kBricks,
                                         std::min((part + 1) * kBricks, tile.masks.size()));
     }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -121,6 +123,7 @@ void ColumnMaker::make_tile(const InsidePlan& plan, const glm::ivec3& tile,
   BrickRow rows;
   for (int z = 0; z < extent.bricks_z(); ++z) {
     for (int y = extent.brick_y_first; y < extent.brick_y_end; ++y) {
+      cancel_point();
       if (plan.job.sign == Sign::kWinding) {
         winding_->next_row(y, z, rows);
         if (thresholds_.any()) apply_thresholds(plan, tile, y, z, rows);

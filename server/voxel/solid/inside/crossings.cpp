@@ -5,6 +5,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -127,6 +129,7 @@ void append_crossings(const FillMesh& mesh, std::span<const uint32_t> triangles,
   const SweepAxes axes = sweep_axes(axis);
   const int bits = mesh.sub_voxel_bits();
   for (const uint32_t t : triangles) {
+    cancel_point();
     const std::array<glm::ivec3, 3> q = mesh.corners(t);
     const glm::ivec3 low = glm::min(q[0], glm::min(q[1], q[2]));
     const glm::ivec3 high = glm::max(q[0], glm::max(q[1], q[2]));

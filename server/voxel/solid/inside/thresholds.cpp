@@ -1,5 +1,7 @@
 #include "server/voxel/solid/inside/thresholds.h"
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 
 void Thresholds::begin_tile(const WindingField* field, const glm::ivec3& first) {
@@ -35,6 +37,7 @@ void Thresholds::of_cells(int x, int y, int z, std::array<int, 512>& thresholds)
 // Halves cubes until each has a single threshold or is one cell.
 void Thresholds::add_cells(const glm::ivec3& first, int side, const glm::ivec3& brick_first,
                            std::array<int, 512>& thresholds) const {
+  cancel_point();
   const std::optional<int> one =
       side == 1 ? std::optional(field_->threshold(first)) : field_->threshold(first, side);
   if (!one) {

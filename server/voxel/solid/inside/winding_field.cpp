@@ -8,6 +8,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -103,6 +105,7 @@ int64_t WindingField::bytes_for(int64_t triangles) {
 }
 
 uint32_t WindingField::build(uint32_t first, uint32_t count) {
+  cancel_point();
   const auto index = static_cast<uint32_t>(nodes_.size());
   Node node = {first, count, 0, glm::dvec3(0), glm::dvec3(0), 0, 0, 0};
   glm::dvec3 low(1e300), high(-1e300), weighted(0);

@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+"""The longest work between two cancellation points, for each kind of task.
+
+    tests/bench/cancel_distances.py [--device cpu] [--only NAME …]
+
+Runs jobs that are long in one of their parts, on inputs that make it longest, and prints for each what its worker
+reports: the stage with the longest work that no cancel could have ended, and its milliseconds. `-`: less than 50.
+VOXELD_BIN_DIR chooses the daemon."""
+import argparse
+import json
+import pathlib
+import re
+import shutil
+import struct
+import sys
+import tempfile
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
+from harness import Daemon, make_fixtures  # noqa: E402  (needs the path above)
+from test_cancel import lattice, long_mesh, textured_mesh  # noqa: E402
+
+
+def slivers(count):
+    """An STL of thin triangles across the whole box, in all directions."""
+    chance = np.random.default_rng(3)
+    ends = chance.random((count, 2, 3), dtype=np.float32)
+    record = np.zeros(count, dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
+    record["v"][:, :2], record["v"][:, 2] = ends, ends[:, 0] + np.float32(1e-4)
+    return bytes(80) + struct.pack("<I", count) + record.tobytes()
+
+
+def long_gltf(nodes):
+    """A glTF of many nodes that show one triangle."""
+    data = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
+    document = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": list(range(nodes))}],
+                "nodes": [{"mesh": 0, "translation": [k % 100, k // 100 % 100, k // 10000]} for k in range(nodes)],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+                "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                               "min": [0, 0, 0], "max": [1, 1, 0]}],
+                "bufferViews": [{"buffer": 0, "byteLength": len(data)}], "buffers": [{"byteLength": len(data)}]}
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+class Cases:
+    """(name, file, kind of job, options): files are made when they are asked for."""
+
+    def __init__(self, fixtures):
+        self.files = {
+            "sample.glb": lambda: (fixtures / "sample.glb").read_bytes(),
+            "long.zip": lambda: long_mesh(300),
+            "textures.zip": lambda: textured_mesh(4, 5000),
+            "one.zip": lambda: textured_mesh(1, 8192),
+            "lattice28.ply": lambda: lattice(28),
+            "lattice64.ply": lambda: lattice(64),
+            "slivers.stl": lambda: slivers(1_000_000),
+            "nodes.glb": lambda: long_gltf(100_000),
+        }
+        solid = {"size": 512, "fill": "solid", "sign": "winding"}
+        self.jobs = [
+            ("OBJ", "long.zip", "voxelize", {"size": 8}),
+            ("description", "long.zip", "inspect", {}),
+            ("glTF nodes", "nodes.glb", "voxelize", {"size": 64}),
+            ("PNG", "textures.zip", "voxelize", {"size": 8, "color": "average"}),
+            ("one PNG", "one.zip", "voxelize", {"size": 2048, "channels": "color"}),
+            ("winding 28", "lattice28.ply", "voxelize", solid),
+            ("winding 64", "lattice64.ply", "voxelize", solid),
+            ("parity 64", "lattice64.ply", "voxelize", {"size": 512, "fill": "solid"}),
+            ("components", "lattice64.ply", "inspect", {}),
+            ("slivers", "slivers.stl", "voxelize", {"size": 256}),
+            ("slivers solid", "slivers.stl", "voxelize", {"size": 128, "fill": "solid", "sign": "winding"}),
+            ("surface", "sample.glb", "voxelize", {"size": 4096, "channels": "occupancy"}),
+            ("colours", "sample.glb", "voxelize", {"size": 1024, "channels": "color,normal"}),
+            ("solid", "sample.glb", "voxelize", {"size": 1024, "fill": "solid"}),
+            ("distance", "sample.glb", "voxelize", {"size": 512, "channels": "distance"}),
+            ("thickness", "sample.glb", "voxelize", {"size": 512, "thickness": "8"}),
+            ("hollow", "sample.glb", "voxelize", {"size": 512, "fill": "solid", "hollow": 4}),
+            ("dilate", "sample.glb", "voxelize", {"size": 512, "dilate": 8}),
+            ("keep", "lattice64.ply", "voxelize", {"size": 512, "keep": "largest"}),
+            ("palette", "sample.glb", "voxelize", {"size": 1024, "channels": "color", "palette": "64"}),
+            *[(name, "sample.glb", "voxelize", {"size": size, "format": name, **more})
+              for name, size, more in (
+                  ("npy", 1024, {}), ("npz", 1024, {}), ("vti", 512, {}), ("nrrd", 512, {}), ("vox", 512, {}),
+                  ("glb", 1024, {"mesh": "greedy"}), ("ply", 1024, {"mesh": "faces"}),
+                  ("obj", 1024, {"mesh": "smooth"}), ("xyz", 1024, {}), ("vdb", 1024, {}), ("nvdb", 1024, {}),
+                  ("schem", 250, {}), ("litematic", 250, {}), ("zarr", 512, {}), ("png", 512, {}), ("binvox", 512, {}))],
+            ("image", "sample.glb", "render", {"size": 512, "width": 2048, "height": 2048, "samples": 4}),
+            ("turntable", "sample.glb", "render",
+             {"size": 256, "width": 1024, "height": 1024, "samples": 4, "views": 36, "format": "gif"}),
+        ]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--only", nargs="*")
+    arguments = parser.parse_args()
+    fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
+    make_fixtures(fixtures)
+    cases = Cases(fixtures)
+    daemon = Daemon(device=arguments.device, arguments=["--workers-per-device", "1"])
+    assets = {}
+    try:
+        for name, file, kind, options in cases.jobs:
+            if arguments.only and name not in arguments.only:
+                continue
+            if file not in assets:
+                assets[file] = daemon.post(f"/v1/assets?filename={file}", cases.files[file]()).json()["id"]
+            response = daemon.post("/v1/jobs", {"kind": kind, "asset": assets[file],
+                                                "options": {**options, "cache": "no"} if kind != "inspect" else {}})
+            if response.status != 202:
+                print(f"{name:14} refused: {response.json()['detail']}", flush=True)
+                continue
+            status = daemon.wait(response.json()["id"], 300)
+            late = re.findall(rf'cancellation point came late.*?{status["id"]}.*', daemon.log_tail(10_000_000))
+            found = [(re.search(r"stage\W+(\w+)", line)[1], float(re.search(r"\bms\W+([\d.]+)", line)[1])) for line in late]
+            stage, ms = max(found, key=lambda one: one[1], default=("", 0))
+            took = status["ended_ms"] - status["started_ms"]
+            error = status.get("error", {}).get("detail", "")
+            print(f"{name:14} {status['state']:9} {took:7d} ms   {stage:10} {f'{ms:.0f}' if ms else '-':>6}  {error}",
+                  flush=True)
+    finally:
+        daemon.stop()
+        shutil.rmtree(fixtures, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main()
