@@ -73,7 +73,6 @@ class Cases:
             ("parity 64", "lattice64.ply", "voxelize", {"size": 512, "fill": "solid"}),
             ("components", "lattice64.ply", "inspect", {}),
             ("slivers", "slivers.stl", "voxelize", {"size": 256}),
-            ("slivers solid", "slivers.stl", "voxelize", {"size": 128, "fill": "solid", "sign": "winding"}),
             ("surface", "sample.glb", "voxelize", {"size": 4096, "channels": "occupancy"}),
             ("colours", "sample.glb", "voxelize", {"size": 1024, "channels": "color,normal"}),
             ("solid", "sample.glb", "voxelize", {"size": 1024, "fill": "solid"}),
@@ -87,7 +86,7 @@ class Cases:
               for name, size, more in (
                   ("npy", 1024, {}), ("npz", 1024, {}), ("vti", 512, {}), ("nrrd", 512, {}), ("vox", 512, {}),
                   ("glb", 1024, {"mesh": "greedy"}), ("ply", 1024, {"mesh": "faces"}),
-                  ("obj", 1024, {"mesh": "smooth"}), ("xyz", 1024, {}), ("vdb", 1024, {}), ("nvdb", 1024, {}),
+                  ("obj", 1024, {"mesh": "smooth"}), ("xyz", 1024, {}), ("vdb", 1024, {}),
                   ("schem", 250, {}), ("litematic", 250, {}), ("zarr", 512, {}), ("binvox", 512, {}))],
             ("image", "sample.glb", "render", {"size": 512, "width": 2048, "height": 2048, "samples": 4}),
             ("turntable", "sample.glb", "render",
