@@ -6,7 +6,9 @@
 #include <bit>
 #include <cstddef>
 #include <cstring>
+#include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/voxel/triangles/tile_window.h"
 
@@ -15,6 +17,8 @@ namespace {
 
 // Fewer triangles are done before another thread has woken up.
 constexpr size_t kTouchGrain = 1024;
+// Triangles between two cancellation points. One as long as the tile takes some 7 us.
+constexpr size_t kBatchTriangles = 4096;
 // With more threads, joining their tiles would take longer than filling them.
 constexpr int kThreadsMax = 64;
 
@@ -89,8 +93,26 @@ void CpuTouch::touch_part(const SnappedMesh& mesh, const GridSpec& spec, const T
   worker.blocks = occupy(input, worker);
 }
 
+void CpuTouch::begin() {
+  if (!std::exchange(is_running_, true)) return;
+  for (Worker& worker : workers_) worker.words = {};
+}
+
 uint64_t CpuTouch::occupy(const TouchInput& input, Worker& worker) const {
-  if (input.list_count == 0) return 0;
+  uint64_t blocks = 0, morton_blocks = 0;
+  TouchInput batch = input;
+  for (size_t first = 0; first < input.list_count; first += kBatchTriangles) {
+    cancel_point();
+    batch.list = input.list + first;
+    batch.list_count = std::min(kBatchTriangles, input.list_count - first);
+    blocks |= occupy_by(batch, worker);
+    morton_blocks |= worker.words.data()[kMortonBlocksAt];  // of this batch alone
+  }
+  if (blocks != 0) worker.words.data()[kMortonBlocksAt] = morton_blocks;
+  return blocks;
+}
+
+uint64_t CpuTouch::occupy_by(const TouchInput& input, Worker& worker) const {
   switch (rule_) {
     case Rule::kTouch:
       return kernel_->touch(input, worker.words.data());
@@ -138,6 +160,7 @@ void CpuTouch::compact_blocks(size_t parts, uint64_t blocks, Worker& worker, Spa
 uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin,
                        std::span<uint32_t> mask) {
   VOXELD_CHECK(mask.size() == kTileWords * 2, "a mask of another size");
+  begin();
   const size_t parts = touch_shared(mesh, spec, bin);
   uint64_t blocks = 0;
   for (size_t part = 0; part < parts; ++part) blocks |= workers_[part].blocks;
@@ -147,16 +170,19 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, const Tile
       kernel_->join(tiles.data(), tiles.size(), block, mask.data());
     });
   });
+  is_running_ = false;
   return blocks;
 }
 
 uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin,
                        SparseTile& tile) {
+  begin();
   const size_t parts = touch_shared(mesh, spec, bin);
   uint64_t blocks = 0, voxels = 0;
   for (size_t part = 0; part < parts; ++part) blocks |= workers_[part].blocks;
   if (parts == 1) {
     compact_blocks(parts, blocks, workers_[0], tile);
+    is_running_ = false;
     return workers_[0].voxels;
   }
   team_.run(static_cast<int>(parts), [&](int part) {
@@ -170,6 +196,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, const Tile
     append(workers_[part].part, tile);
     voxels += workers_[part].voxels;
   }
+  is_running_ = false;
   return voxels;
 }
 
@@ -181,6 +208,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, std::span<
     for (size_t i = 0; i < bins.size(); ++i) voxels += run(mesh, spec, bins[i], tiles[i]);
     return voxels;
   }
+  begin();
   std::atomic<size_t> next = 0;
   std::atomic<uint64_t> total = 0;
   team_.run(team_.threads(), [&](int part) {
@@ -199,6 +227,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, std::span<
       }
     }
   });
+  is_running_ = false;
   return total;
 }
 

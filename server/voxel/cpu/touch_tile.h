@@ -57,7 +57,7 @@ class CpuTouch {
 
  private:
   struct Worker {
-    // kTouchWords, all 0 between calls; empty before the first use.
+    // kTouchWords, all 0 between calls; empty before the first use and after a cancelled one.
     HugeArray words;
     void reserve() {
       if (words.data() == nullptr) words = HugeArray(kTouchWords);
@@ -78,13 +78,17 @@ class CpuTouch {
   void for_each_block(size_t parts, uint64_t blocks, const Visit& visit);
   void compact_blocks(size_t parts, uint64_t blocks, Worker& worker, SparseTile& tile);
 
+  // Drops the words of a call that ended by an exception: they are not 0.
+  void begin();
   // Runs the kernel on the worker's own words. Returns the blocks.
   uint64_t occupy(const TouchInput& input, Worker& worker) const;
+  uint64_t occupy_by(const TouchInput& input, Worker& worker) const;
 
   const TouchKernel* kernel_;
   Rule rule_ = Rule::kTouch;
   ThreadTeam team_;
   std::vector<Worker> workers_;
+  bool is_running_ = false;
 };
 
 }  // namespace voxeld

@@ -6,10 +6,14 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <bit>
+#include <iterator>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "server/base/cancel_point.h"
 #include "tests/reference/touch_oracle.h"
 #include "tests/unit/voxel_cpu/cpu_soup.h"
 #include "tests/unit/voxel_cpu/touch_kernel_wide.h"
@@ -176,6 +180,38 @@ TEST(CpuTouch, gives_the_same_bits_by_every_instruction_set_thread_count_and_ord
       for (size_t i = 0; i < tiles.size(); ++i) tiles[i].coord = expected[i].coord;
       touch.run(mesh, spec, bins.bins(), tiles);
       ASSERT_EQ(tiles, expected) << cpu_isa_name(isa) << ", " << threads << " threads, all tiles";
+    }
+  }
+}
+
+TEST(CpuTouch, a_cancelled_call_leaves_nothing_to_the_next) {
+  Soup soup(7);
+  const glm::ivec3 dims(256);
+  const GridSpec spec = grid_of(dims);
+  std::vector<Triangle> triangles;
+  while (triangles.size() < 20'000)
+    std::ranges::copy(mixed_soup(soup, dims), std::back_inserter(triangles));
+  const std::vector<Triangle> few(triangles.begin(), triangles.begin() + 10);
+  const SnappedMesh all_mesh = mesh_of(triangles, spec), few_mesh = mesh_of(few, spec);
+  CpuTouch plain(1);
+  const std::vector<SparseTile> expected = touched_tiles(plain, few_mesh, spec);
+  for (const int threads : {1, 2}) {
+    CpuTouch touch(threads);
+    for (uint64_t points = 2; points < 6; ++points) {
+      std::atomic<bool> flag{false};
+      const CancelScope scope(flag);
+      std::thread cancel([&] {
+        while (scope.points_passed() < points) std::this_thread::yield();
+        flag = true;
+      });
+      // As often as it takes for the flag to be seen.
+      const auto run = [&] {
+        while (true) (void)touched_tiles(touch, all_mesh, spec);
+      };
+      EXPECT_THROW(run(), Cancelled);
+      cancel.join();
+      flag = false;
+      EXPECT_EQ(touched_tiles(touch, few_mesh, spec), expected);
     }
   }
 }
