@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 
 #include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
@@ -17,15 +18,19 @@ inline int voxel_threads() {
   return static_cast<int>(std::min(ThreadPool::shared().threads(), kVoxelThreadsMax));
 }
 
-// Calls work(i) for each i < count on the threads of the process's pool, within the caller's
-// CancelScope: a cancellation point on any of them ends the loop, which then throws Cancelled.
+// Calls work(i) for each i < count on at most `threads_max` threads of the process's pool, within
+// the caller's CancelScope: a cancellation point on any of them ends the loop, which then throws
+// Cancelled.
 template <typename Work>
-void parallel_for(size_t count, const Work& work) {
+void parallel_for(size_t count, const Work& work, size_t threads_max = SIZE_MAX) {
   const CancelScope* const scope = internal::cancel_scope;
-  ThreadPool::shared().for_each(count, [&](size_t i) {
-    const BorrowedCancelScope borrowed(scope);
-    work(i);
-  });
+  ThreadPool::shared().for_each(
+      count,
+      [&](size_t i) {
+        const BorrowedCancelScope borrowed(scope);
+        work(i);
+      },
+      threads_max);
 }
 
 // Number of chunks that parallel_chunks() makes of `count` elements: one per thread, but none

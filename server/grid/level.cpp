@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "proto/thread_pool.h"
 #include "server/base/check.h"
+#include "server/base/parallel.h"
 #include "server/grid/level_cells.h"
 #include "server/grid/tile_appender.h"
 
@@ -114,7 +114,7 @@ Result<SparseTile> LevelTiles::tile(size_t index) const {
   const size_t step = std::max(kTilesAtATimeMin, source_.batch());
   for (size_t at = begin; at < end; at += step) {
     std::vector<Part> parts(std::min(step, end - at));
-    ThreadPool::shared().for_each(parts.size(), [&, at](size_t i) { parts[i] = reduce(at + i); });
+    parallel_for(parts.size(), [&, at](size_t i) { parts[i] = reduce(at + i); });
     for (const Part& part : parts) {
       VOXELD_TRY(part.status);
       append(part);

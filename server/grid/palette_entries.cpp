@@ -6,9 +6,9 @@
 #include <iterator>
 
 #include "proto/codec/tile_runs.h"
-#include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
+#include "server/base/parallel.h"
 #include "server/grid/oklab.h"
 
 namespace voxeld {
@@ -288,8 +288,8 @@ VoxelEntries choose_entries(const Grid& grid, std::span<const Rgb> colors, Dithe
   if (!grid.tiles.empty()) {
     chosen.other = nearest.of(lab_of(rgb_of(key_of(grid.tiles.front(), kNoAttributes))));
   }
-  ThreadPool::shared().for_each(grid.tiles.size(), [&](size_t i) {
-    cancel_point();  // on the calling thread
+  parallel_for(grid.tiles.size(), [&](size_t i) {
+    cancel_point();
     chosen.tiles[i] = choose_in_tile(grid.tiles[i], nearest, dither, key_of);
   });
   return chosen;

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "proto/thread_pool.h"
+#include "server/base/parallel.h"
 
 namespace voxeld {
 namespace {
@@ -91,7 +91,7 @@ Result<std::vector<SparseTile>> read_tiles(const TileSource& source, size_t begi
   if (end - begin == 1) {
     read(0);
   } else {
-    ThreadPool::shared().for_each(end - begin, read);
+    parallel_for(end - begin, read);
   }
   for (const Status& status : done) VOXELD_TRY(status);
   return tiles;

@@ -90,7 +90,7 @@ class Cases:
                   ("schem", 250, {}), ("litematic", 250, {}), ("zarr", 512, {}), ("binvox", 512, {}))],
             ("image", "sample.glb", "render", {"size": 512, "width": 2048, "height": 2048, "samples": 4}),
             ("turntable", "sample.glb", "render",
-             {"size": 256, "width": 1024, "height": 1024, "samples": 4, "views": 36, "format": "gif"}),
+             {"size": 256, "width": 1024, "height": 1024, "samples": 4, "views": 36}),
         ]
 
 

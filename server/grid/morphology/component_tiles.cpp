@@ -8,7 +8,8 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
 #include "server/grid/morphology/bit_box.h"
 #include "server/grid/morphology/cell_runs.h"
 
@@ -135,7 +136,8 @@ Result<std::unique_ptr<ComponentTiles>> ComponentTiles::open(const TileSource& s
                   read_tiles(source, at, std::min(all, at + source.batch())));
     std::vector<std::optional<TileRuns>> runs(tiles.size());
     std::vector<std::vector<ComponentSize>> sizes(tiles.size());
-    ThreadPool::shared().for_each(tiles.size(), [&](size_t i) {
+    parallel_for(tiles.size(), [&](size_t i) {
+      cancel_point();
       runs[i].emplace(tiles[i]);
       sizes[i] = runs[i]->number_components(neighbors);
       runs[i]->keep_border();

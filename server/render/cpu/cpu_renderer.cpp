@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
+#include "server/base/parallel.h"
 #include "server/render/cpu/ground_cells.h"
 #include "server/render/cpu/raymarch_pixel.h"
 #include "server/render/image_blocks.h"
@@ -33,7 +34,7 @@ Status CpuRenderer::set_grid(const Grid& grid) {
 // Rows differ much in cost, so each thread takes the next remaining ones.
 template <typename DrawRows>
 void CpuRenderer::for_each_rows(int count, int height, const DrawRows& draw_rows) const {
-  ThreadPool::shared().for_each(
+  parallel_for(
       static_cast<size_t>((height + count - 1) / count),
       [&](size_t part) {
         const int first = static_cast<int>(part) * count;
@@ -60,6 +61,7 @@ Result<RenderImage> CpuRenderer::render(const RenderOptions& options,
     GroundCells ground(width);
     ground.begin();
     for (int row = 0; row < rows; ++row) {
+      cancel_point();
       glm::vec4* const sums = &seen[static_cast<size_t>(row) * width];
       const auto [first, end] = silhouette.row(bottom + row);
       const int begin = std::max(first - left, 0), count = std::min(end - left, width) - begin;
@@ -68,7 +70,10 @@ Result<RenderImage> CpuRenderer::render(const RenderOptions& options,
         if (sums[x].w < samples) ground.want(x, row);
       }
     }
-    ground.find([&](int x, int row) { return pixels.ground(left + x, bottom + row); });
+    ground.find([&](int x, int row) {
+      cancel_point();
+      return pixels.ground(left + x, bottom + row);
+    });
     for (int row = 0; row < rows; ++row) {
       const size_t y = static_cast<size_t>(options.height - 1 - bottom - row);
       for (int x = 0; x < width; ++x) {
