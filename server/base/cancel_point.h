@@ -7,10 +7,14 @@
 //
 // At most about 50 ms of work lie between two cancellation points; a worker logs what takes longer
 // (server/worker/task/cancel_watch.h). Library calls that do are noted where they are made.
+//
+// The same points let other tasks go first (Pause): a task gives its time slice back within the
+// same time, whatever it works on.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <utility>
 
 namespace voxeld {
@@ -24,12 +28,21 @@ namespace internal {
 extern constinit thread_local const CancelScope* cancel_scope;
 }  // namespace internal
 
+// A pause that the threads of a scope make at their next cancellation points once it is due.
+struct Pause {
+  std::atomic<bool> is_due{false};
+  // Waits until the pause is over, which is then no longer due. Several threads may call it at a
+  // time; it must not throw. False: the scope ends as if it were cancelled, and the pause stays due.
+  std::function<bool()> take;
+};
+
 // Applies to the calling thread, and to those that share its loops (server/base/parallel.h). Other
 // threads that it starts have no scope. Scopes nest.
 class CancelScope {
  public:
-  explicit CancelScope(const std::atomic<bool>& flag)
-      : flag_(flag), outer_(std::exchange(internal::cancel_scope, this)) {}
+  // Without `pause` there is none. Both outlive the scope.
+  explicit CancelScope(const std::atomic<bool>& flag, const Pause* pause = nullptr)
+      : flag_(flag), pause_(pause), outer_(std::exchange(internal::cancel_scope, this)) {}
   ~CancelScope() { internal::cancel_scope = outer_; }
   CancelScope(const CancelScope&) = delete;
   CancelScope& operator=(const CancelScope&) = delete;
@@ -42,10 +55,14 @@ class CancelScope {
   bool pass_point() const {
     // Not one operation, which would cost more: where two threads count at once, one is lost.
     points_passed_.store(points_passed() + 1, std::memory_order_relaxed);
+    if (pause_ != nullptr && pause_->is_due.load(std::memory_order_relaxed)) [[unlikely]] {
+      if (!pause_->take()) return true;
+    }
     return flag_.load(std::memory_order_relaxed);
   }
 
   const std::atomic<bool>& flag_;
+  const Pause* const pause_;
   const CancelScope* const outer_;
   mutable std::atomic<uint64_t> points_passed_{0};
 };

@@ -36,12 +36,12 @@ class Output {
 
   enum class State {
     kDone,
-    kBlocked,  // until the socket takes more
+    kBlocked,  // until the socket takes more, which may be at once: other clients come first
     kHeld,     // until MemoryBudget::grant() gives it the bytes of the next piece
     kWaiting,  // for a wake or wait_until(): its PieceBody has nothing to send now
     kBroken,
   };
-  // Sends what the socket takes without waiting.
+  // Sends a turn's bytes, or what the socket takes without waiting.
   State advance(Connection& connection);
   // HTTP status of the response; that of the first piece's error if that failed.
   int status() const { return status_; }

@@ -188,8 +188,9 @@ Status run_caught(TaskRun& run) {
 
 // Runs the task with its cancel flag installed, and reports where a cancel would have come late.
 Status run_guarded(TaskRun& run) {
-  const CancelScope scope(run.monitor.cancel_flag());
-  const CancelWatch watch(scope, [&run] { return run.monitor.progress().stage; });
+  const CancelScope scope(run.monitor.cancel_flag(), &run.slice.pause());
+  const CancelWatch watch(
+      scope, [&run] { return run.monitor.progress().stage; }, [&run] { run.slice.tick(); });
   Status done = run_caught(run);
   const CancelWatch::Distance longest = watch.longest();
   if (longest.ms > CancelWatch::kDistanceMsMax) {

@@ -6,6 +6,7 @@ import unittest
 
 from fairness_load import GIANT, SMALL, Contention
 from harness import wait_until
+from test_cancel import lattice
 
 
 class Contended(unittest.TestCase):
@@ -92,6 +93,32 @@ class Contended(unittest.TestCase):
             value = re.search("^" + re.escape(series) + " (.*)$", text, re.M)
             self.assertTrue(value and float(value[1]) > 0, series)
         self.assertIn('voxeld_time_slice_seconds_bucket{device="cpu",le="0.25"} ', text)
+
+
+class HostileMesh(unittest.TestCase):
+    def test_a_mesh_that_is_one_long_piece_of_work_gives_the_device_to_others(self):
+        """21,952 triangles that touch none: each cell asks for the winding number of all of them."""
+        with Contention({"a": 1, "b": 1}) as load:
+            a = load.tenants["a"]
+            asset = a.post("/v1/assets?filename=lattice.ply", lattice(28)).json()["id"]
+            hostile = a.submit(kind="voxelize", asset=asset, options={
+                "fill": "solid", "sign": "winding", "size": 512, "cache": "no"})
+            load.wait_for_device("a", hostile)
+
+            def slices():
+                daemon = load.daemon
+                text = daemon.request("GET", "/metrics", port=daemon.admin_port).body.decode()
+                return int(re.search(r'^voxeld_time_slice_seconds_count\{device="cpu"\} (\d+)$', text, re.M)[1])
+            before = slices()
+            wait_until(lambda: slices() > before + 20, slices)  # nobody else wants the device
+            self.assertEqual(load.status("a", hostile)["progress"]["tiles_done"], 0)
+            for _ in range(3):
+                status = load.tenants["b"].wait(load.submit("b", SMALL))
+                self.assertEqual(status["state"], "done", status)
+            status = load.status("a", hostile)
+            self.assertEqual((status["state"], status["attempt"]), ("running", 1))
+            load.cancel("a", hostile)
+            self.assertEqual(a.wait(hostile)["state"], "cancelled")
 
 
 class Memory(unittest.TestCase):

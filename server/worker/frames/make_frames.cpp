@@ -202,7 +202,7 @@ class FrameLoop {
     Status made = run_.engine.voxelizer.voxelize(
         clip_.moving.scene(), options_.voxelize, &shared_, sink,
         [this](int64_t done, int64_t total) {
-          return run_.monitor.set_progress(done, total) && run_.slice.boundary();
+          return run_.monitor.set_progress(done, total) && !is_cancelled();
         },
         &stats_);
     note_device(run_.engine, stats_);

@@ -42,40 +42,53 @@ Status SliceClient::give(const SliceRequest& request) {
 DeviceSlice::DeviceSlice(SliceClient* client, const Task& task) : client_(client) {
   request_.task = task.id;
   request_.fence = task.fence;
+  pause_.take = [this] { return renew(); };
 }
 
 void DeviceSlice::expect(int64_t host_bytes, int64_t device_bytes) {
+  const MutexLock lock(mutex_);
   request_.host_bytes = std::max(request_.host_bytes, host_bytes);
   request_.device_bytes = std::max(request_.device_bytes, device_bytes);
 }
 
 Status DeviceSlice::begin() {
-  return ask(is_held_ ? SliceAction::kRenew : SliceAction::kTake);
+  const MutexLock lock(mutex_);
+  return ask(since_.load() == kNotHeld ? SliceAction::kTake : SliceAction::kRenew);
 }
 
 void DeviceSlice::end() {
-  if (!is_held_) return;
-  is_held_ = false;
-  if (client_ == nullptr) return;
+  const MutexLock lock(mutex_);
+  if (since_.exchange(kNotHeld) == kNotHeld || client_ == nullptr) return;
   request_.action = SliceAction::kGive;
   // A failure is ignored: a gateway that is gone has no time slices to give back to.
   (void)client_->give(request_).ok();
 }
 
-bool DeviceSlice::boundary() {
-  if (!is_held_ || client_ == nullptr || Clock::now() - since_ < kQuantum) return true;
-  return ask(SliceAction::kRenew).ok();
+void DeviceSlice::tick() {
+  if (client_ != nullptr && is_old()) pause_.is_due = true;
+}
+
+// The first thread that comes asks; the others wait for it.
+bool DeviceSlice::renew() {
+  const MutexLock lock(mutex_);
+  if (is_old()) is_refused_ = !ask(SliceAction::kRenew).ok();
+  pause_.is_due = is_refused_;
+  return !is_refused_;
+}
+
+bool DeviceSlice::is_old() const {
+  const Clock::time_point since = since_;
+  return since != kNotHeld && Clock::now() - since >= kQuantum;
 }
 
 Status DeviceSlice::ask(SliceAction action) {
   if (client_ != nullptr) {
     request_.action = action;
-    is_held_ = false;
+    since_ = kNotHeld;
     VOXELD_ASSIGN(const SliceReply reply, client_->ask(request_));
     if (reply.error) return *reply.error;
     if (!reply.granted) return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};
   }
-  is_held_ = true;
   since_ = Clock::now();
   return {};
 }

@@ -17,9 +17,11 @@ double process_cpu_ms() {
 
 }  // namespace
 
-CancelWatch::CancelWatch(const CancelScope& scope, std::function<std::string()> stage)
+CancelWatch::CancelWatch(const CancelScope& scope, std::function<std::string()> stage,
+                         std::function<void()> tick)
     : scope_(scope),
       stage_(std::move(stage)),
+      tick_(std::move(tick)),
       points_(scope.points_passed()),
       looked_at_(Clock::now()),
       cpu_ms_(process_cpu_ms()),
@@ -43,6 +45,7 @@ void CancelWatch::run() {
   MutexLock lock(mutex_);
   while (!ending_) {
     wake_.wait_for(lock, kPeriod);
+    tick_();
     look();
   }
 }

@@ -25,8 +25,10 @@ class CancelWatch {
     std::string stage;
   };
 
-  // `stage` names what the task does; called on the watch's thread. Both outlive the watch.
-  CancelWatch(const CancelScope& scope, std::function<std::string()> stage);
+  // `stage` names what the task does, `tick` is called every kPeriod; both on the watch's thread.
+  // All outlive the watch.
+  CancelWatch(const CancelScope& scope, std::function<std::string()> stage,
+              std::function<void()> tick);
   ~CancelWatch();
   CancelWatch(const CancelWatch&) = delete;
   CancelWatch& operator=(const CancelWatch&) = delete;
@@ -41,6 +43,7 @@ class CancelWatch {
   using Clock = std::chrono::steady_clock;
   const CancelScope& scope_;
   const std::function<std::string()> stage_;
+  const std::function<void()> tick_;
   mutable Mutex mutex_;
   CondVar wake_;
   bool ending_ GUARDED_BY(mutex_) = false;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/messages/bundle_manifest.h"
+#include "server/base/cancel_point.h"
 #include "server/base/file.h"
 #include "server/worker/mesh/inspect.h"
 
@@ -37,7 +38,7 @@ Result<RequestOptions> task_options(const Task& task, OptionScope scope) {
 
 TileProgress progress_of(TaskRun& run) {
   return [&run](int64_t done, int64_t total) {
-    return run.monitor.set_progress(done, total) && run.slice.boundary();
+    return run.monitor.set_progress(done, total) && !is_cancelled();
   };
 }
 

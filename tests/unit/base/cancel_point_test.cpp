@@ -38,6 +38,27 @@ TEST(CancelPoint, ends_a_loop_that_threads_share) {
   std::thread([] { EXPECT_NO_THROW(cancel_point()); }).join();
 }
 
+TEST(CancelPoint, pauses_while_it_is_due_on_each_thread_of_a_loop) {
+  const std::atomic<bool> flag{false};
+  std::atomic<int> taken{0};
+  Pause pause;
+  pause.take = [&] {
+    pause.is_due = ++taken < 3;
+    return true;
+  };
+  const CancelScope scope(flag, &pause);
+  cancel_point();
+  EXPECT_EQ(taken, 0);
+  pause.is_due = true;
+  ThreadTeam(2).run(2, [&](int) {
+    while (taken < 3) cancel_point();
+  });
+  EXPECT_FALSE(pause.is_due);
+  pause.is_due = true;
+  pause.take = [] { return false; };
+  EXPECT_THROW(cancel_point(), Cancelled);
+}
+
 TEST(CancelPoint, passes_through_handlers_of_library_exceptions) {
   const std::atomic<bool> flag{true};
   const CancelScope scope(flag);

@@ -21,7 +21,8 @@ double thread_cpu_ms() {
 class CancelWatchTest : public ::testing::Test {
  protected:
   CancelWatch watch(const std::string& stage) const {
-    return CancelWatch(scope_, [stage] { return stage; });
+    return CancelWatch(
+        scope_, [stage] { return stage; }, [] {});
   }
   const std::atomic<bool> flag_{false};
   const CancelScope scope_{flag_};
