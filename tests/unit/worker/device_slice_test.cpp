@@ -3,9 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include <nlohmann/json.hpp>
 
 #include "server/base/parallel.h"
 #include "tests/unit/worker/fake_gateway.h"
@@ -22,7 +26,9 @@ class DeviceSliceTest : public ::testing::Test {
 
   std::string reply(const nlohmann::json& request) {
     asked_.push_back(request.at("type").get<std::string>());
-    return to_json_message(SliceReply{.granted = left_-- > 0}).dump();
+    SliceReply reply;
+    reply.granted = left_-- > 0;
+    return to_json_message(reply).dump();
   }
   // Works through cancellation points until so many time slices have begun.
   void work_until_begun(int64_t slices) {
