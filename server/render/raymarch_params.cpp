@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
 #include "server/render/camera.h"
@@ -35,10 +36,16 @@ double linear_from_srgb(uint8_t value) {
   return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
 }
 
+// A section is moved by this part of a voxel to the side that it keeps. Rays then begin behind a
+// plane between cells however they are rounded, also in the single precision of the page.
+constexpr double kSectionMargin = 1.0 / 256.0;
+
 // Converts a world plane to a grid plane.
 glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec) {
   const glm::dvec3 normal(plane[0], plane[1], plane[2]);
-  return {normal * spec.voxel_size, glm::dot(normal, spec.origin_world) + plane[3]};
+  const glm::dvec3 in_grid = normal * spec.voxel_size, size = glm::abs(in_grid);
+  const double margin = kSectionMargin * (size.x + size.y + size.z);
+  return {in_grid, glm::dot(normal, spec.origin_world) + plane[3] + margin};
 }
 
 double smooth_step(double from, double to, double at) {

@@ -62,6 +62,11 @@ class Transparency(DaemonTest):
         self.assertEqual(set(self.colors(alpha="cut", level=1)),
                          {(x, y, 0) for x in range(SIZE // 2) for y in range(SIZE // 4, SIZE // 2)})
 
+    def test_cut_leaves_nothing_at_the_side_opposite_to_the_leaf(self):
+        for size in (48, 64, 80):
+            rows = {y for _, y, _ in self.colors(size=size, alpha="cut")}
+            self.assertGreaterEqual(min(rows), size * 36 // 64 - 1, size)
+
     def test_formats_without_alpha_leave_them_out_unless_they_are_asked_for(self):
         def faces(**options):
             return sum(line.startswith(b"f ") for line in

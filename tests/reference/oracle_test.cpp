@@ -5,6 +5,7 @@
 
 #include "tests/reference/color_oracle.h"
 #include "tests/reference/line_oracle.h"
+#include "tests/reference/texture_oracle.h"
 #include "tests/reference/touch_oracle.h"
 
 namespace voxeld::reference {
@@ -141,6 +142,18 @@ TEST(ColorOracle, a_linear_ramp_integrates_to_the_value_at_the_centroid) {
     return std::array<double, 4>{bary[0], bary[1], bary[2], 1};
   });
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(cells.at(0).linear_rgba[c], 1.0 / 3, 1e-9);
+}
+
+TEST(TextureOracle, a_triangle_within_one_repetition_sees_no_other) {
+  constexpr std::array<uint8_t, 8> kTexels{255, 255, 255, 255, 0, 0, 0, 0};
+  const Texture texture{2, 1, kTexels};
+  const std::array<double, 3> last{0, 1, 0};
+  const auto alpha_at_last = [&](double from, double to) {
+    return texture_color(texture, {{{from, 0}, {to, 0}, {from, 1}}}, last)[3];
+  };
+  EXPECT_EQ(alpha_at_last(0, 1), 0);
+  EXPECT_EQ(alpha_at_last(-3, -2), 0);
+  EXPECT_EQ(alpha_at_last(0, 2), 0.5);  // between the last texel and the first of the next
 }
 
 }  // namespace

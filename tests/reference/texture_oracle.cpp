@@ -16,6 +16,31 @@ int texel_number(int at, int size, Edge edge) {
   return in_period < size ? in_period : period - 1 - in_period;
 }
 
+// The texels to both sides of a point along an axis, and the share of the second.
+struct Pair {
+  int first = 0, second = 0;
+  double share = 0;
+};
+
+Pair pair_at(const std::array<double, 3>& corners, const std::array<double, 3>& shares, int size,
+             Edge edge) {
+  double at = 0;
+  std::array<double, 3> rounded{};
+  for (size_t k = 0; k < 3; ++k) {
+    at += shares[k] * corners[k];
+    rounded[k] = std::round(std::ldexp(corners[k], 20));
+  }
+  const double one = std::ldexp(1.0, 20);
+  const double first = std::floor(*std::ranges::min_element(rounded) / one);
+  if (edge == Edge::kRepeat && *std::ranges::max_element(rounded) <= (first + 1) * one) {
+    edge = Edge::kClamp;
+    at -= first;
+  }
+  const double x = at * size - 0.5;
+  const int left = static_cast<int>(std::floor(x));
+  return {texel_number(left, size, edge), texel_number(left + 1, size, edge), x - left};
+}
+
 std::array<double, 256> linear_table() {
   std::array<double, 256> table{};
   for (size_t i = 0; i < table.size(); ++i) table[i] = linear_from_srgb(double(i) / 255);
@@ -24,19 +49,21 @@ std::array<double, 256> linear_table() {
 
 }  // namespace
 
-std::array<double, 4> texture_color(const Texture& texture, double u, double v) {
+std::array<double, 4> texture_color(const Texture& texture,
+                                    const std::array<TexturePoint, 3>& corners,
+                                    const std::array<double, 3>& shares) {
   static const std::array<double, 256> linear = linear_table();
-  const double x = u * texture.width - 0.5, y = v * texture.height - 0.5;
-  const int left = static_cast<int>(std::floor(x)), top = static_cast<int>(std::floor(y));
+  const Pair x =
+      pair_at({corners[0][0], corners[1][0], corners[2][0]}, shares, texture.width, texture.edge_u);
+  const Pair y = pair_at({corners[0][1], corners[1][1], corners[2][1]}, shares, texture.height,
+                         texture.edge_v);
   std::array<double, 4> color{};
-  for (int j = 0; j < 2; ++j) {
-    for (int i = 0; i < 2; ++i) {
-      const double weight = (i == 0 ? left + 1 - x : x - left) * (j == 0 ? top + 1 - y : y - top);
-      const int column = texel_number(left + i, texture.width, texture.edge_u);
-      const int row = texel_number(top + j, texture.height, texture.edge_v);
-      const uint8_t* texel =
-          &texture.rgba[4 * (static_cast<size_t>(row) * static_cast<size_t>(texture.width) +
-                             static_cast<size_t>(column))];
+  for (const bool below : {false, true}) {
+    for (const bool right : {false, true}) {
+      const double weight = (right ? x.share : 1 - x.share) * (below ? y.share : 1 - y.share);
+      const auto column = static_cast<size_t>(right ? x.second : x.first);
+      const auto row = static_cast<size_t>(below ? y.second : y.first);
+      const uint8_t* texel = &texture.rgba[4 * (row * static_cast<size_t>(texture.width) + column)];
       const double alpha = weight * texel[3] / 255;
       for (size_t c = 0; c < 3; ++c) color[c] += alpha * linear[texel[c]];
       color[3] += alpha;

@@ -16,8 +16,13 @@ struct Texture {
   Edge edge_u = Edge::kRepeat, edge_v = Edge::kRepeat;
 };
 
-// Linear light multiplied by alpha, and alpha. (0,0) is the top left corner of the first texel,
-// (1,1) the lower right one of the last.
-std::array<double, 4> texture_color(const Texture& texture, double u, double v);
+// u and v. (0,0) is the top left corner of the first texel, (1,1) the lower right one of the last.
+using TexturePoint = std::array<double, 2>;
+
+// Linear light multiplied by alpha, and alpha, at a point of a triangle by its corners' shares. A
+// triangle within one repetition of a texture sees no other.
+std::array<double, 4> texture_color(const Texture& texture,
+                                    const std::array<TexturePoint, 3>& corners,
+                                    const std::array<double, 3>& shares);
 
 }  // namespace voxeld::reference

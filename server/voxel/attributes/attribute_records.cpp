@@ -11,6 +11,7 @@
 #include "server/base/floor.h"
 #include "server/base/parallel.h"
 #include "server/voxel/attributes/mip_chain.h"
+#include "server/voxel/attributes/texture_period.h"
 #include "shaders/shared/attributes.h"
 
 namespace voxeld {
@@ -79,13 +80,6 @@ uint32_t wrap_code(Wrap wrap) {
       break;
   }
   return ATTRIBUTE_WRAP_MIRROR;
-}
-
-// Whole periods to subtract, so that coordinates start within the first.
-double period_below(Wrap wrap, double least) {
-  if (wrap == Wrap::kRepeat) return std::floor(least);
-  if (wrap == Wrap::kMirror) return 2.0 * std::floor(least / 2.0);
-  return 0.0;
 }
 
 uint32_t uv_word(double u) {
@@ -365,19 +359,19 @@ void AttributeRecords::write_uvs(const Material& material, const Corner* corners
   const Image& image = scene_.images[image_index];
   const int first = image_levels_[image_index].first;
   const glm::dvec2 size(std::max(1, image.width >> first), std::max(1, image.height >> first));
-  const double shift_u =
-      period_below(material.wrap_u, std::min({corners[0].uv.x, corners[1].uv.x, corners[2].uv.x}));
-  const double shift_v =
-      period_below(material.wrap_v, std::min({corners[0].uv.y, corners[1].uv.y, corners[2].uv.y}));
+  const TexturePeriod u =
+      texture_period(material.wrap_u, {corners[0].uv.x, corners[1].uv.x, corners[2].uv.x});
+  const TexturePeriod v =
+      texture_period(material.wrap_v, {corners[0].uv.y, corners[1].uv.y, corners[2].uv.y});
   for (size_t i = 0; i < 3; ++i) {
-    words[ATTRIBUTE_UVS + 2 * i] = uv_word(corners[i].uv.x - shift_u);
-    words[ATTRIBUTE_UVS + 2 * i + 1] = uv_word(corners[i].uv.y - shift_v);
+    words[ATTRIBUTE_UVS + 2 * i] = uv_word(corners[i].uv.x - u.below);
+    words[ATTRIBUTE_UVS + 2 * i + 1] = uv_word(corners[i].uv.y - v.below);
   }
   words[ATTRIBUTE_ALTITUDE] =
       altitude_word({corners[0].uv * size, corners[1].uv * size, corners[2].uv * size});
   const auto level_word = static_cast<uint32_t>(level - first);
-  words[ATTRIBUTE_FLAGS] |= wrap_code(material.wrap_u) << ATTRIBUTE_WRAP_U_SHIFT |
-                            wrap_code(material.wrap_v) << ATTRIBUTE_WRAP_V_SHIFT |
+  words[ATTRIBUTE_FLAGS] |= wrap_code(u.wrap) << ATTRIBUTE_WRAP_U_SHIFT |
+                            wrap_code(v.wrap) << ATTRIBUTE_WRAP_V_SHIFT |
                             level_word << ATTRIBUTE_LEVEL_SHIFT;
 }
 

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "server/grid/color_tables.h"
+#include "server/voxel/attributes/texture_period.h"
 
 namespace voxeld {
 namespace {
@@ -20,19 +21,14 @@ int wrapped(int texel, int size, Wrap wrap) {
   return in_period < size ? in_period : period - 1 - in_period;
 }
 
-// Whole periods to subtract.
-double periods_below(double least, Wrap wrap) {
-  if (wrap == Wrap::kClamp) return 0.0;
-  return wrap == Wrap::kRepeat ? std::floor(least) : 2.0 * std::floor(least / 2.0);
-}
-
 // One axis of a triangle in a texture. Corners are in texels from the centre of texel 0.
 class TexelAxis {
  public:
-  TexelAxis(std::array<double, 3> u, int size, Wrap wrap) : size_(size), wrap_(wrap) {
+  TexelAxis(std::array<double, 3> u, int size, Wrap wrap) : size_(size) {
     for (double& c : u) c = std::clamp(c, -kPeriodsMax, kPeriodsMax);
-    const double shift = periods_below(std::min({u[0], u[1], u[2]}), wrap);
-    for (size_t i = 0; i < 3; ++i) corners_[i] = (u[i] - shift) * size - 0.5;
+    const TexturePeriod period = texture_period(wrap, u);
+    wrap_ = period.wrap;
+    for (size_t i = 0; i < 3; ++i) corners_[i] = (u[i] - period.below) * size - 0.5;
     const auto [least, most] = std::minmax({corners_[0], corners_[1], corners_[2]});
     is_inside_ = least >= 0.0 && most < size - 1;
   }
@@ -51,7 +47,7 @@ class TexelAxis {
 
  private:
   int size_;
-  Wrap wrap_;
+  Wrap wrap_ = Wrap::kClamp;
   std::array<double, 3> corners_{};
   bool is_inside_ = false;  // no tap leaves the image, so none wraps
 };

@@ -63,9 +63,12 @@ OracleRay oracle_ray(const RenderOptions& options, const glm::dmat4& clip_from_w
   ray.direction = grid_at(1.0) - ray.origin;
   if (options.section) {
     const auto& s = *options.section;
+    // The plane is moved to the kept side by 1/256 of a voxel on each axis.
+    const glm::dvec3 margin = spec.voxel_size / 256.0;
     const auto side = [&](double t) {
       const glm::dvec3 p = spec.world_from_grid(ray.origin + t * ray.direction);
-      return s[0] * p.x + s[1] * p.y + s[2] * p.z + s[3];
+      return s[0] * p.x + s[1] * p.y + s[2] * p.z + s[3] + std::abs(s[0]) * margin.x +
+             std::abs(s[1]) * margin.y + std::abs(s[2]) * margin.z;
     };
     const double at_0 = side(0.0), at_1 = side(1.0);
     const double crossing = at_0 / (at_0 - at_1);

@@ -61,6 +61,18 @@ TEST(FlatColors, texels_beside_the_triangle_have_no_share) {
   EXPECT_EQ(mean_color(corners, &material, &image), (Linear{0, 0, 0, 65535}));
 }
 
+TEST(FlatColors, a_triangle_within_a_period_has_nothing_of_the_opposite_side) {
+  Image image = plain_image(4, 4, {0, 0, 0, 255});
+  for (int y = 0; y < 4; ++y) set_texel(image, 0, y, {255, 255, 255, 255});
+  const Material material;
+  for (const double at : {0.0, 5.0, -3.0}) {
+    const auto last = corners_at({at + 0.9, 0.1}, {at + 1.0, 0.1}, {at + 1.0, 0.2});
+    EXPECT_EQ(mean_color(last, &material, &image), (Linear{0, 0, 0, 65535})) << at;
+    const auto over = corners_at({at + 0.9, 0.1}, {at + 1.1, 0.1}, {at + 1.1, 0.2});
+    EXPECT_GT(mean_color(over, &material, &image)[0], 1000) << at;
+  }
+}
+
 TEST(FlatColors, the_order_of_corners_does_not_change_a_bit) {
   Image image = plain_image(16, 16, {0, 0, 0, 255});
   for (size_t i = 0; i < image.rgba.size(); ++i) image.rgba[i] = static_cast<uint8_t>(i * i % 251);

@@ -82,10 +82,10 @@ std::array<double, 4> surface_color(const Scene& scene, const Surface& surface, 
                                     const std::array<double, 3>& bary) {
   const auto& [part, first] = surface.sources[t];
   std::array<double, 4> color{1, 1, 1, 1}, vertex{};
-  glm::dvec2 uv(0.0);
+  std::array<reference::TexturePoint, 3> uvs{};
   for (size_t k = 0; k < 3; ++k) {
     const uint32_t index = part->indices[first + k];
-    if (!part->uvs.empty()) uv += bary[k] * glm::dvec2(part->uvs[index]);
+    if (!part->uvs.empty()) uvs[k] = {double(part->uvs[index].x), double(part->uvs[index].y)};
     if (part->colors.empty()) continue;
     for (int c = 0; c < 4; ++c) {
       vertex[static_cast<size_t>(c)] += bary[k] * double(part->colors[index][c]);
@@ -99,7 +99,7 @@ std::array<double, 4> surface_color(const Scene& scene, const Surface& surface, 
   const Image& image = scene.images[static_cast<size_t>(material.image)];
   const reference::Texture texture{image.width, image.height, image.rgba, edge_of(material.wrap_u),
                                    edge_of(material.wrap_v)};
-  const auto texel = reference::texture_color(texture, uv.x, uv.y);
+  const auto texel = reference::texture_color(texture, uvs, bary);
   for (size_t c = 0; c < 4; ++c) color[c] *= texel[c];
   return color;
 }
@@ -330,6 +330,64 @@ TEST(AtlasColor, nothing_beside_a_chart_shows_in_its_colour) {
       }
     }
   }
+}
+
+// A square of 1 x 1 with coordinates from `from` to `to` on both axes. The left half of the texture
+// is red, its right half transparent.
+Scene half_square(float from, float to) {
+  constexpr int kSide = 64;
+  Scene scene;
+  Image image{"half", kSide, kSide, {}};
+  for (int i = 0; i < kSide * kSide; ++i) {
+    const uint8_t seen = i % kSide < kSide / 2 ? 255 : 0;
+    image.rgba.insert(image.rgba.end(), {seen, 0, 0, seen});
+  }
+  MeshPart part;
+  part.material = 0;
+  part.positions = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+  part.uvs = {{from, from}, {to, from}, {to, to}, {from, to}};
+  part.indices = {0, 1, 2, 0, 2, 3};
+  scene.materials.emplace_back();
+  scene.materials[0].image = 0;
+  scene.images.push_back(std::move(image));
+  scene.parts.push_back(std::move(part));
+  return scene;
+}
+
+// The most alpha in a column of cells.
+int alpha_of_column(const Scene& scene, int size, ColorMode mode, int column) {
+  VoxelizeOptions options;
+  options.placement.size = size;
+  options.color = mode;
+  Voxelizer voxelizer;
+  const auto grid = voxelizer.voxelize(scene, options, {}, nullptr);
+  EXPECT_TRUE(grid.ok()) << grid.error().message();
+  int most = 0;
+  for (const SparseTile& tile : grid->tiles) {
+    for_each_voxel(tile, [&](int x, int, int, size_t voxel) {
+      if (x == column) most = std::max(most, int{tile.color[4 * voxel + 3]});
+    });
+  }
+  return most;
+}
+
+TEST(AtlasColor, a_square_with_all_of_a_texture_shows_nothing_of_the_opposite_side) {
+  for (const float from : {0.0f, 3.0f, -2.0f, -0x1p-24f}) {
+    const Scene scene = half_square(from, from + 1.0f);
+    for (const ColorMode mode : {ColorMode::kAverage, ColorMode::kNearest}) {
+      for (const int size : {8, 48, 64, 80, 128, 200}) {
+        EXPECT_EQ(alpha_of_column(scene, size, mode, size - 1), 0) << from << ", size " << size;
+        EXPECT_GT(alpha_of_column(scene, size, mode, 0), 250) << from << ", size " << size;
+      }
+    }
+  }
+}
+
+TEST(AtlasColor, a_square_with_two_periods_of_a_texture_sees_it_repeat) {
+  const Scene scene = half_square(0.0f, 2.0f);
+  // A texel is as large as two voxels. The last voxel of the first period is a quarter of a texel
+  // off its side.
+  EXPECT_NEAR(alpha_of_column(scene, 256, ColorMode::kNearest, 127), 64, 2);
 }
 
 // A grid of one octant: threads share its triangles.

@@ -124,6 +124,14 @@ test("a section plane shows the daemon's caps", async () => {
   }
 });
 
+test("a section between cells has the daemon's even caps", async () => {
+  await compare(SOLID, {}, {});
+  const { origin, voxelSize } = (await session.browser.call("grid"))!,
+    y = origin[1] + 20 * voxelSize[1];
+  const section: Section = { plane: [0, 1, 0, -y], box: null };
+  assertSame(await compare(SOLID, { section: `0,1,0,${-y}` }, { section }));
+});
+
 test("small voxels are drawn as a surface, like the daemon's", async () => {
   assertSame(await compare(FINE, {}, {}));
   assertSame(await compare(FINE, { style: "smooth" }, { style: "smooth" }));

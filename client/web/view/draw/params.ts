@@ -31,6 +31,8 @@ const EDGE_VOXEL_PIXELS_MIN = 4,
 // Lines of a section's hatch to the image's smaller side, and their smallest distance in pixels.
 const HATCH_LINES = 56,
   HATCH_PIXELS_MIN = 5;
+// Voxels by which a section is moved to the side that it keeps.
+const SECTION_MARGIN = 1 / 256;
 // Luminance that the median of dark colours gets, and the largest factor for that.
 const MEDIAN_LUMINANCE = 0.2,
   EXPOSURE_MAX = 4;
@@ -111,15 +113,12 @@ function exposureOf(look: Look): number {
   return Math.min(Math.max(factor, 1), EXPOSURE_MAX);
 }
 
-/** A plane of the world as one of the grid. */
+/** A plane of the world as one of the grid, moved a little to the side that it keeps. */
 export function planeInGrid(plane: Vec4, grid: PackedGrid): Vec4 {
-  const { voxelSize: v, origin: o } = grid;
-  return [
-    plane[0] * v[0],
-    plane[1] * v[1],
-    plane[2] * v[2],
-    plane[0] * o[0] + plane[1] * o[1] + plane[2] * o[2] + plane[3],
-  ];
+  const { voxelSize: v, origin: o } = grid,
+    normal: Vec3 = [plane[0] * v[0], plane[1] * v[1], plane[2] * v[2]];
+  const margin = SECTION_MARGIN * normal.reduce((sum, n) => sum + Math.abs(n), 0);
+  return [...normal, plane[0] * o[0] + plane[1] * o[1] + plane[2] * o[2] + plane[3] + margin];
 }
 
 /** The occupied cells [low, high) that a section's box leaves, by their middles; null: none. */
