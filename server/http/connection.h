@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld::http {
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <thread>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/http/listener.h"
 #include "server/http/poller.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld::http {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/http/connection.h"
 #include "server/http/memory_budget.h"
 #include "server/http/message/message.h"

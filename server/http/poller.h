@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld::http {
 

@@ -7,7 +7,7 @@
 //   less than the ballast    storage-full               refused    the ballast is freed for them
 //
 // Room is taken before it is written: by the gateway with Room, by workers as
-// server/base/disk_reserve.h says. Readiness is what a new job would get.
+// server/base/disk/disk_reserve.h says. Readiness is what a new job would get.
 //
 // Once the ballast is freed, data and jobs are refused until there is room to allocate it again:
 // what they took instead could be all that deletes had.

@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "server/base/clock.h"
-#include "server/base/disk_reserve.h"
+#include "server/base/disk/disk_reserve.h"
 #include "server/base/log.h"
 #include "server/process/machine.h"
 #include "server/worker/device/calibration_key.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 #include "server/base/guard.h"
 
 namespace voxeld {

@@ -6,7 +6,7 @@
 
 #include "proto/options/values.h"
 #include "proto/options/words.h"
-#include "server/base/mapped_pages.h"
+#include "server/base/disk/mapped_pages.h"
 #include "server/formats/formats.h"
 #include "server/formats/output_file.h"
 #include "server/formats/zarr/zarr.h"

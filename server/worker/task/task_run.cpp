@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "proto/messages/bundle_manifest.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/worker/mesh/inspect.h"
 
 namespace voxeld {

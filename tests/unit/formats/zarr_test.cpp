@@ -10,7 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/formats/formats.h"
 #include "server/grid/level.h"
 #include "tests/unit/formats/npy_reader.h"

@@ -14,7 +14,7 @@
 #include "proto/container/sequence_format.h"
 #include "proto/messages/sequence.h"
 #include "server/base/algorithm_version.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/grid.h"

@@ -1,4 +1,4 @@
-#include "server/base/disk_reserve.h"
+#include "server/base/disk/disk_reserve.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

@@ -1,4 +1,4 @@
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -18,7 +18,7 @@
 #include <thread>
 #include <utility>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

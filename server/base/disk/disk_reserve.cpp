@@ -1,4 +1,4 @@
-#include "server/base/disk_reserve.h"
+#include "server/base/disk/disk_reserve.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <string>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/guard.h"
 #include "tests/unit/base/temporary_dir.h"
 

@@ -1,4 +1,4 @@
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/base/mapped_pages.h"
+#include "server/base/disk/mapped_pages.h"
 
 #include <sys/mman.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

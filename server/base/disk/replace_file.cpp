@@ -1,4 +1,4 @@
-#include "server/base/replace_file.h"
+#include "server/base/disk/replace_file.h"
 
 #include <unistd.h>
 
@@ -7,7 +7,7 @@
 #include <string>
 #include <system_error>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

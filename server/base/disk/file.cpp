@@ -1,4 +1,4 @@
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -9,7 +9,7 @@
 #include <iterator>
 #include <utility>
 
-#include "server/base/disk_reserve.h"
+#include "server/base/disk/disk_reserve.h"
 
 namespace voxeld {
 
