@@ -6,8 +6,8 @@
 #include <thread>
 
 #include "server/base/disk/file.h"
-#include "server/http/listener.h"
-#include "server/http/poller.h"
+#include "server/http/sockets/listener.h"
+#include "server/http/sockets/poller.h"
 
 namespace voxeld::http {
 

@@ -1,4 +1,4 @@
-#include "server/http/connection.h"
+#include "server/http/sockets/connection.h"
 
 #include <poll.h>
 #include <sys/sendfile.h>
@@ -9,6 +9,16 @@
 #include <cerrno>
 
 namespace voxeld::http {
+namespace {
+
+// An empty buffer that grew larger than this gives its memory back.
+constexpr size_t kBufferKeptBytes = 4096;
+
+}  // namespace
+
+void Connection::shrink_buffer() {
+  if (buffer_.empty() && buffer_.capacity() > kBufferKeptBytes) std::string().swap(buffer_);
+}
 
 Connection::ReadState Connection::receive_available(size_t bytes_max) {
   std::array<char, 65536> chunk;

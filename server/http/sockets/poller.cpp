@@ -1,4 +1,4 @@
-#include "server/http/poller.h"
+#include "server/http/sockets/poller.h"
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>

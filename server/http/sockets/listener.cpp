@@ -1,4 +1,4 @@
-#include "server/http/listener.h"
+#include "server/http/sockets/listener.h"
 
 #include <arpa/inet.h>
 #include <netdb.h>

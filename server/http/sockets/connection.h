@@ -19,6 +19,8 @@ class Connection {
   const std::string& peer() const { return peer_; }
   // Bytes that were received and not yet consumed.
   std::string& buffer() { return buffer_; }
+  // Frees the memory of an empty buffer that grew large.
+  void shrink_buffer();
 
   enum class ReadState { kData, kNothing, kClosed };
   // Appends bytes that have arrived to buffer().
