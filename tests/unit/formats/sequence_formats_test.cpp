@@ -10,7 +10,7 @@
 
 #include "server/base/disk/file.h"
 #include "server/formats/npy/npy_array.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_frames.h"
 
 namespace voxeld {

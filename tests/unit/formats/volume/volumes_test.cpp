@@ -11,7 +11,7 @@
 #include "proto/limits.h"
 #include "server/formats/formats.h"
 #include "server/formats/volume/vtk_blocks.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

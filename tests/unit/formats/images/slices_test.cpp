@@ -14,8 +14,8 @@
 #include <nlohmann/json.hpp>
 
 #include "server/formats/formats.h"
-#include "tests/unit/formats/image_samples.h"
-#include "tests/unit/formats/zip_members.h"
+#include "tests/unit/formats/images/image_samples.h"
+#include "tests/unit/formats/zip/zip_members.h"
 
 namespace voxeld {
 namespace {

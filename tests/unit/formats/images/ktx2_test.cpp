@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/formats/formats.h"
-#include "tests/unit/formats/image_samples.h"
+#include "tests/unit/formats/images/image_samples.h"
 
 namespace voxeld {
 namespace {

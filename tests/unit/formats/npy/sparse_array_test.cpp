@@ -10,7 +10,7 @@
 #include "proto/limits.h"
 #include "server/formats/npy/npy_array.h"
 #include "server/formats/npy/sparse_array.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

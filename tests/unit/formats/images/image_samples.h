@@ -7,7 +7,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld::test {

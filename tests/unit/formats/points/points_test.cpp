@@ -10,7 +10,7 @@
 
 #include "server/formats/formats.h"
 #include "server/formats/npy/sparse_array.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

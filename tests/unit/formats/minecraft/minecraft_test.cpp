@@ -15,8 +15,8 @@
 #include "server/formats/minecraft/litematic.h"
 #include "server/formats/palette.h"
 #include "server/grid/oklab.h"
-#include "tests/unit/formats/nbt_reader.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/minecraft/nbt_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

@@ -13,7 +13,7 @@
 #include "server/base/disk/file.h"
 #include "server/formats/formats.h"
 #include "server/grid/level.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_frames.h"
 
 namespace voxeld {
@@ -23,8 +23,8 @@ using nlohmann::json;
 using Bytes = std::vector<uint8_t>;
 using Members = std::map<std::string, Bytes>;
 
-constexpr size_t kSide = 64;
-constexpr size_t kCells = kSide * kSide * kSide;
+constexpr size_t kChunkSide = 64;
+constexpr size_t kChunkCells = kChunkSide * kChunkSide * kChunkSide;
 
 uint64_t number(const Bytes& bytes, size_t at, size_t count) {
   uint64_t value = 0;
@@ -49,7 +49,7 @@ Members members_of(const Bytes& zip) {
   return members;
 }
 
-Bytes inflated(const Bytes& gzip, size_t bytes) {
+Bytes inflated_chunk(const Bytes& gzip, size_t bytes) {
   Bytes out(bytes + 1);
   z_stream z{};
   EXPECT_EQ(inflateInit2(&z, 15 + 16), Z_OK);
@@ -74,18 +74,19 @@ Bytes array_of(const Members& members, const std::string& prefix, const glm::ive
   Bytes all;
   for (size_t i = 0; i < nx * ny * nz; ++i) all.insert(all.end(), fill.begin(), fill.end());
   size_t used = 0;
-  for (size_t z = 0; z < nz; z += kSide) {
-    for (size_t y = 0; y < ny; y += kSide) {
-      for (size_t x = 0; x < nx; x += kSide) {
-        const std::string key = prefix + std::to_string(z / kSide) + "/" +
-                                std::to_string(y / kSide) + "/" + std::to_string(x / kSide) +
-                                (has_components ? "/0" : "");
+  for (size_t z = 0; z < nz; z += kChunkSide) {
+    for (size_t y = 0; y < ny; y += kChunkSide) {
+      for (size_t x = 0; x < nx; x += kChunkSide) {
+        const std::string key = prefix + std::to_string(z / kChunkSide) + "/" +
+                                std::to_string(y / kChunkSide) + "/" +
+                                std::to_string(x / kChunkSide) + (has_components ? "/0" : "");
         const auto found = members.find(key);
         if (found == members.end()) continue;
         ++used;
-        const Bytes chunk = inflated(found->second, kCells * cell);
-        for (size_t i = 0; i < kCells; ++i) {
-          const size_t cx = x + i % kSide, cy = y + i / kSide % kSide, cz = z + i / kSide / kSide;
+        const Bytes chunk = inflated_chunk(found->second, kChunkCells * cell);
+        for (size_t i = 0; i < kChunkCells; ++i) {
+          const size_t cx = x + i % kChunkSide, cy = y + i / kChunkSide % kChunkSide,
+                       cz = z + i / kChunkSide / kChunkSide;
           if (cx >= nx || cy >= ny || cz >= nz) {
             EXPECT_EQ(std::memcmp(&chunk[i * cell], fill.data(), cell), 0) << key << " " << i;
             continue;
@@ -116,7 +117,7 @@ Bytes npy_samples(const Grid& grid, std::optional<Channel> channel) {
   return test::read_npy(test::npy_of(grid, channel, options)).data;
 }
 
-Grid sample() {
+Grid zarr_sample() {
   return test::grid_of({130, 67, 65},
                        {{{0, 0, 0}, {1, 2, 3, 4}, {0, 127, 0}},
                         {{63, 63, 63}, {5, 6, 7, 8}, {127, 0, 0}},
@@ -134,7 +135,7 @@ Members store_of(const Grid& grid, int version) {
 }
 
 TEST(Zarr, arrays_of_all_levels_equal_those_of_npy) {
-  const Grid grid = sample();
+  const Grid grid = zarr_sample();
   for (const int version : {2, 3}) {
     const Members members = store_of(grid, version);
     const std::string chunks = version == 3 ? "/c/" : "/";
@@ -170,7 +171,7 @@ TEST(Zarr, cells_of_full_nodes_are_in_chunks) {
 }
 
 TEST(Zarr, documents_place_the_centres_of_the_first_cells) {
-  const Members members = store_of(sample(), 3);
+  const Members members = store_of(zarr_sample(), 3);
   const json root = document(members, "zarr.json");
   EXPECT_EQ(root["node_type"], "group");
   const json& image = root["attributes"]["ome"]["multiscales"][0];
@@ -186,7 +187,7 @@ TEST(Zarr, documents_place_the_centres_of_the_first_cells) {
 }
 
 TEST(Zarr, version_2_has_its_own_documents) {
-  const Members members = store_of(sample(), 2);
+  const Members members = store_of(zarr_sample(), 2);
   EXPECT_FALSE(members.contains("zarr.json"));
   const json array = document(members, "1/.zarray");
   EXPECT_EQ(array["shape"], (json{33, 34, 65}));
@@ -198,7 +199,8 @@ TEST(Zarr, version_2_has_its_own_documents) {
 }
 
 TEST(Zarr, equal_grids_give_equal_bytes) {
-  EXPECT_EQ(*encode(sample(), test::to(Format::kZarr)), *encode(sample(), test::to(Format::kZarr)));
+  EXPECT_EQ(*encode(zarr_sample(), test::to(Format::kZarr)),
+            *encode(zarr_sample(), test::to(Format::kZarr)));
 }
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "server/formats/formats.h"
-#include "tests/unit/formats/image_samples.h"
-#include "tests/unit/formats/zip_members.h"
+#include "tests/unit/formats/images/image_samples.h"
+#include "tests/unit/formats/zip/zip_members.h"
 
 namespace voxeld {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "proto/codec/tile_runs.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {
