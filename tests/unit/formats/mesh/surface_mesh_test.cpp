@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "server/formats/bricks/voxel_bricks.h"
 #include "server/formats/mesh/outer_voxels.h"
 #include "server/formats/mesh/rectangles.h"
-#include "server/formats/mesh/voxel_bricks.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

@@ -1,4 +1,4 @@
-#include "server/formats/mesh/brick_index.h"
+#include "server/formats/bricks/brick_index.h"
 
 #include <algorithm>
 

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "server/formats/mesh/voxel_bricks.h"
+#include "server/formats/bricks/voxel_bricks.h"
 
 namespace voxeld::mesh {
 

@@ -1,4 +1,4 @@
-#include "server/formats/mesh/voxel_bricks.h"
+#include "server/formats/bricks/voxel_bricks.h"
 
 #include <bit>
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "server/formats/mesh/brick_index.h"
+#include "server/formats/bricks/brick_index.h"
 #include "server/grid/grid.h"
 
 namespace voxeld::mesh {
