@@ -13,7 +13,7 @@
 #include "server/formats/mesh/mesh_rows.h"
 #include "server/formats/mesh/rectangle_mesh.h"
 #include "server/formats/mesh/rectangles.h"
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld::mesh {
 namespace {

@@ -14,7 +14,7 @@
 #include "server/formats/minecraft/block_file.h"
 #include "server/formats/minecraft/litematic.h"
 #include "server/formats/palette.h"
-#include "server/grid/oklab.h"
+#include "server/grid/color/oklab.h"
 #include "tests/unit/formats/minecraft/nbt_reader.h"
 #include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"

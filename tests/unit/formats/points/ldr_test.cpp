@@ -13,7 +13,7 @@
 #include "server/formats/formats.h"
 #include "server/formats/points/ldr.h"
 #include "server/formats/points/ldraw_colors.h"
-#include "server/grid/oklab.h"
+#include "server/grid/color/oklab.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

@@ -1,4 +1,4 @@
-#include "server/grid/oklab.h"
+#include "server/grid/color/oklab.h"
 
 #include <cmath>
 #include <cstddef>

@@ -1,4 +1,4 @@
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 #include <cmath>
 #include <cstddef>

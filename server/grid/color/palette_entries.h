@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "proto/options/options.h"
+#include "server/grid/color/rgb.h"
 #include "server/grid/grid.h"
-#include "server/grid/rgb.h"
 
 namespace voxeld {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "proto/options/options.h"
-#include "server/grid/rgb.h"
+#include "server/grid/color/rgb.h"
 #include "server/grid/tile_source.h"
 
 namespace voxeld {

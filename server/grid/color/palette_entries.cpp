@@ -1,4 +1,4 @@
-#include "server/grid/palette_entries.h"
+#include "server/grid/color/palette_entries.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/base/parallel.h"
-#include "server/grid/oklab.h"
+#include "server/grid/color/oklab.h"
 
 namespace voxeld {
 namespace {

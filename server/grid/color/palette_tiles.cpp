@@ -1,10 +1,10 @@
-#include "server/grid/palette_tiles.h"
+#include "server/grid/color/palette_tiles.h"
 
 #include <algorithm>
 #include <utility>
 
 #include "server/base/check.h"
-#include "server/grid/palette_entries.h"
+#include "server/grid/color/palette_entries.h"
 
 namespace voxeld {
 
