@@ -21,10 +21,8 @@
 #include "server/base/disk/file.h"
 
 namespace voxeld {
-
 namespace {
 
-constexpr int64_t kStatBlockBytes = 512;  // unit of st_blocks, whatever the file system's is
 // Measures of a tree whose directories are moved meanwhile. A worker at work renames files only.
 constexpr int kMeasuresMax = 8;
 
@@ -180,7 +178,7 @@ class TreeMeasure {
                      "at most " + std::to_string(kTreeEntriesMax), "more"};
       }
       if (::fstatat(fd, entry->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0) continue;  // it went
-      bytes_ += static_cast<int64_t>(info.st_blocks) * kStatBlockBytes;
+      bytes_ += disk_bytes(info);
       if (S_ISDIR(info.st_mode)) level.folders.emplace_back(entry->d_name);
     }
     levels_.push_back(std::move(level));

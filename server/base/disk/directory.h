@@ -31,6 +31,12 @@ constexpr int64_t kTreeEntriesMax = 20'000;
 // are moved elsewhere each time they are measured.
 Result<int64_t> tree_bytes(const std::filesystem::path& directory);
 
+// Bytes that one file or directory takes on its disk.
+inline int64_t disk_bytes(const struct stat& info) {
+  constexpr int64_t kUnit = 512;  // of st_blocks, whatever the file system's blocks are
+  return static_cast<int64_t>(info.st_blocks) * kUnit;
+}
+
 // Creates the file, locks it (flock) and writes this process's pid into it. The lock lasts as long
 // as the descriptor. Waits up to 5 s for a child that a killed holder was just starting. Errors:
 // conflict with the other process's pid if it is taken.
