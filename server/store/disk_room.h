@@ -32,9 +32,9 @@ class DiskRoom {
   static constexpr int64_t kReservePartOfDisk = 20, kBallastPartOfDisk = 32;
   // Free beside the reserve for a job to be accepted: room for rows and for a small output.
   static constexpr int64_t kJobRoomBytes = int64_t{1} << 20;
-  // Of it, what workers leave.
+  // The part of it that workers leave.
   static constexpr int64_t kRowRoomBytes = int64_t{1} << 18;
-  // What the rows of one tenant's jobs may take: some ten thousand jobs.
+  // Bytes that the rows of one tenant's jobs may take: some ten thousand jobs.
   static constexpr int64_t kRecordBytesMax = int64_t{64} << 20, kRecordPartOfDisk = 16;
 
   // `reserve_bytes_max`: on the disk of `data_dir`; 0: no reserve.

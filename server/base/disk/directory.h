@@ -26,9 +26,9 @@ void remove_tree(const std::filesystem::path& directory) noexcept;
 // and the names that it holds.
 constexpr int64_t kTreeEntriesMax = 20'000;
 // Bytes that all files and directories below this one take on its disk, whatever their depth and
-// mode; 0 if it does not exist. Whoever owns the tree may change it meanwhile. Errors: internal for
-// more than kTreeEntriesMax entries, for a directory that cannot be read, and for directories that
-// are moved elsewhere each time they are measured.
+// mode; 0 if it does not exist. Its owner may change it meanwhile. Errors: internal for more
+// than kTreeEntriesMax entries, for a directory that cannot be read, and for directories that are
+// moved elsewhere each time they are measured.
 Result<int64_t> tree_bytes(const std::filesystem::path& directory);
 
 // Bytes that one file or directory takes on its disk.

@@ -63,7 +63,7 @@ class FramesTest : public ::testing::Test {
     return task;
   }
 
-  // Which is of a checksum.
+  // The last byte is part of a checksum.
   static void break_last_byte(const fs::path& path) {
     std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
     file.seekg(-1, std::ios::end);

@@ -65,7 +65,7 @@ TEST_F(DiskReserveTest, below_the_reserve_nothing_is_written) {
   EXPECT_EQ(allocated(), 0);
 }
 
-// What another process allocates between the two checks.
+// Another process allocates between the two checks.
 TEST_F(DiskReserveTest, room_that_another_process_got_first_is_given_back) {
   static int looks = 0;
   looks = 0;
