@@ -11,7 +11,7 @@
 #include <string>
 
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

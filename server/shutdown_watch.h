@@ -5,7 +5,7 @@
 #include <chrono>
 #include <thread>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/thread_annotations.h"
 
 namespace voxeld {

@@ -19,9 +19,9 @@
 
 #include "server/base/guard.h"
 #include "server/base/log.h"
-#include "server/http/listener.h"
 #include "server/http/message/authority.h"
 #include "server/http/output.h"
+#include "server/http/sockets/listener.h"
 
 namespace voxeld::api {
 namespace {

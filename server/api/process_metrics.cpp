@@ -5,7 +5,7 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 #include "server/process/machine.h"
 
 namespace voxeld::api {

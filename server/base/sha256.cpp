@@ -14,8 +14,8 @@
 #include "proto/hex.h"
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
-#include "server/base/file.h"
-#include "server/base/mapped_pages.h"
+#include "server/base/disk/file.h"
+#include "server/base/disk/mapped_pages.h"
 
 namespace voxeld {
 

@@ -9,10 +9,10 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kSide = limits::kBrickSide;
+constexpr size_t kBrickWidth = limits::kBrickSide;
 
 size_t bricks_along(const Grid& grid, int axis) {
-  return (static_cast<size_t>(grid.spec.dims[axis]) + kSide - 1) / kSide;
+  return (static_cast<size_t>(grid.spec.dims[axis]) + kBrickWidth - 1) / kBrickWidth;
 }
 
 }  // namespace
@@ -23,8 +23,8 @@ BrickRows::BrickRows(const Grid& grid, int across, int within)
   const size_t rows = rows_in_plane_ * bricks_along(grid, across);
   const auto plane_axis = static_cast<size_t>(across), row_axis = static_cast<size_t>(within);
   const auto row_of = [&](const std::array<int32_t, 3>& cell) {
-    return static_cast<size_t>(cell[plane_axis]) / kSide * rows_in_plane_ +
-           static_cast<size_t>(cell[row_axis]) / kSide;
+    return static_cast<size_t>(cell[plane_axis]) / kBrickWidth * rows_in_plane_ +
+           static_cast<size_t>(cell[row_axis]) / kBrickWidth;
   };
   const auto for_each_brick = [&](auto&& visit) {
     for (uint32_t t = 0; t < grid.tiles.size(); ++t) {

@@ -11,7 +11,7 @@
 #include "proto/limits.h"
 #include "proto/minecraft_blocks.h"
 #include "proto/options/values.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/formats/images/slices.h"
 #include "server/formats/lost_data.h"
 #include "server/formats/mesh/mesh_warnings.h"

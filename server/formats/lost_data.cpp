@@ -72,7 +72,7 @@ Held held_by(const Grid& grid, const OutputOptions& options, const std::string& 
   return held;
 }
 
-bool is_transparent(const SparseTile& tile) {
+bool has_transparent_voxel(const SparseTile& tile) {
   cancel_point();
   for (size_t i = 3; i < tile.color.size(); i += 4) {
     if (tile.color[i] != UINT8_MAX) return true;
@@ -165,7 +165,7 @@ std::string joined_names(const ChannelSet& channels) {
 }
 
 bool has_alpha(const Grid& grid) {
-  return std::ranges::any_of(grid.tiles, is_transparent);
+  return std::ranges::any_of(grid.tiles, has_transparent_voxel);
 }
 
 }  // namespace voxeld

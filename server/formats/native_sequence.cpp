@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "proto/container/grid_streams.h"
-#include "server/base/file.h"
-#include "server/base/mapped_pages.h"
+#include "server/base/disk/file.h"
+#include "server/base/disk/mapped_pages.h"
 #include "server/formats/formats.h"
 #include "server/grid/tile_source.h"
 

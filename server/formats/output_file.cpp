@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "server/base/disk_reserve.h"
+#include "server/base/disk/disk_reserve.h"
 
 namespace voxeld {
 

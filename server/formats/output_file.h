@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/grid/oklab.h"
+#include "server/grid/color/oklab.h"
 
 namespace voxeld {
 namespace {

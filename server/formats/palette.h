@@ -5,7 +5,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "server/grid/rgb.h"
+#include "server/grid/color/rgb.h"
 
 namespace voxeld {
 

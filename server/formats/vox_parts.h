@@ -13,8 +13,8 @@
 #include "proto/messages/job.h"
 #include "proto/result.h"
 #include "server/formats/palette.h"
+#include "server/grid/color/palette_entries.h"
 #include "server/grid/grid.h"
-#include "server/grid/palette_entries.h"
 
 namespace voxeld::vox {
 

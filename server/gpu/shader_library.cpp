@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "server/base/check.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "shaders/embedded.h"
 

@@ -1,4 +1,4 @@
-// What a grid carries beside its voxels: a JSON object in containers, results and arrays. It is
+// The meta of a grid, beside its voxels: a JSON object in containers, results and arrays. It is
 // parsed once, where a container is read, and written once, where one is made.
 #pragma once
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld {
 

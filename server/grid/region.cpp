@@ -9,12 +9,12 @@
 
 #include "proto/limits.h"
 #include "server/base/check.h"
+#include "server/grid/color/palette_tiles.h"
 #include "server/grid/level.h"
 #include "server/grid/morphology/component_tiles.h"
 #include "server/grid/morphology/cut_tiles.h"
 #include "server/grid/morphology/remap_tiles.h"
 #include "server/grid/morphology/step_tiles.h"
-#include "server/grid/palette_tiles.h"
 #include "server/grid/tile_appender.h"
 
 namespace voxeld {

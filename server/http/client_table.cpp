@@ -31,6 +31,12 @@ bool Client::is_too_slow(const SendLimits& limits, bool is_disk_short) const {
          exchange->keeps_room(is_disk_short);
 }
 
+void Client::end_exchange() {
+  if (waker) waker->detach();
+  waker.reset();
+  exchange.reset();
+}
+
 Client& ClientTable::add(UniqueFd fd, std::string address, bool is_counted) {
   const int raw = fd.get();
   auto client = std::make_unique<Client>(std::move(fd), std::move(address));

@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "server/base/waker.h"
-#include "server/http/connection.h"
 #include "server/http/exchange.h"
 #include "server/http/send_limits.h"
+#include "server/http/sockets/connection.h"
 
 namespace voxeld::http {
 
@@ -46,6 +46,9 @@ struct Client {
 
   // The same by the limits, of which a download that keeps room on the disk has shorter ones.
   bool is_too_slow(const SendLimits& limits, bool is_disk_short) const;
+
+  // Ends the exchange: its waker comes to nothing, its memory goes back to the budget.
+  void end_exchange();
 
   Connection connection;
   bool is_counted = false;  // against its address

@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/http/connection.h"
 #include "server/http/memory_budget.h"
 #include "server/http/message/body_decoder.h"
 #include "server/http/message/message.h"
 #include "server/http/output.h"
+#include "server/http/sockets/connection.h"
 #include "server/store/held_files.h"
 
 namespace voxeld::http {

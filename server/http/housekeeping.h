@@ -5,9 +5,9 @@
 #include <functional>
 #include <thread>
 
-#include "server/base/file.h"
-#include "server/http/listener.h"
-#include "server/http/poller.h"
+#include "server/base/disk/file.h"
+#include "server/http/sockets/listener.h"
+#include "server/http/sockets/poller.h"
 
 namespace voxeld::http {
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <deque>
 #include <thread>
 #include <utility>
@@ -15,11 +16,10 @@
 #include "server/base/thread_annotations.h"
 #include "server/http/active_threads.h"
 #include "server/http/client_table.h"
-#include "server/http/deadline.h"
 #include "server/http/housekeeping.h"
-#include "server/http/listener.h"
 #include "server/http/message/head_parser.h"
-#include "server/http/poller.h"
+#include "server/http/sockets/listener.h"
+#include "server/http/sockets/poller.h"
 
 namespace voxeld::http {
 namespace {
@@ -27,14 +27,24 @@ namespace {
 constexpr size_t kReadStep = 65536;
 // Reads of one body before other clients get the thread.
 constexpr int kBodyReadsMax = 16;
-// After a request, a buffer that grew larger than this gives its memory back.
-constexpr size_t kBufferKeptBytes = 4096;
 constexpr int64_t kLingerBytesMax = int64_t{64} << 20;
 // Clients that ask again and again must not keep the server from ending.
 constexpr double kUnheardSecondsMax = 1;
 
 using State = Client::State;
 using Step = Exchange::Step;
+
+Clock::time_point from_now(double seconds) {
+  return Clock::now() +
+         std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
+// Returns when the condition is false, or at `end`. It polls: only the end of a server waits so.
+template <typename Condition>
+void wait_while(const Condition& condition, Clock::time_point end) {
+  constexpr auto kStep = std::chrono::milliseconds(10);
+  while (condition() && Clock::now() < end) std::this_thread::sleep_for(kStep);
+}
 
 // One housekeeping thread accepts connections, runs timers and closes late clients. The active
 // threads of the pool wait for the same events. The thread that gets an event reads from the client
@@ -140,7 +150,7 @@ class EpollServer final : public HttpServer {
     }
     for (const std::unique_ptr<Client>& client : left) {
       if (client->exchange) observe(*client);
-      release(*client);
+      client->end_exchange();
     }
     connections_ = 0;
     waiting_ = 0;
@@ -258,17 +268,10 @@ class EpollServer final : public HttpServer {
       const MutexLock lock(mutex_);
       removed = table_.remove(client);
     }
-    release(*removed);
+    removed->end_exchange();
     removed.reset();
     --connections_;
     grant_memory();
-  }
-
-  // Ends the exchange: its waker comes to nothing, its memory goes back to the budget.
-  static void release(Client& client) {
-    if (client.waker) client.waker->detach();
-    client.waker.reset();
-    client.exchange.reset();
   }
 
   // --- the housekeeping thread
@@ -483,7 +486,7 @@ class EpollServer final : public HttpServer {
   }
 
   void wait_for_body(Client& client) {
-    give_memory_back(client);
+    client.connection.shrink_buffer();
     wait_for(client, State::kBody);
   }
 
@@ -506,7 +509,7 @@ class EpollServer final : public HttpServer {
       case Step::kReadBody:
         return wait_for_body(client);
       case Step::kWait:
-        give_memory_back(client);
+        client.connection.shrink_buffer();
         wait_for_wake(client);
         return grant_memory();
       case Step::kNeedMemory:
@@ -531,7 +534,7 @@ class EpollServer final : public HttpServer {
   void finish(Client& client) {
     observe(client);
     const bool keep = client.exchange->keeps_connection();
-    release(client);
+    client.end_exchange();
     grant_memory();
     if (!keep) {
       // Closing with unread bytes would reset the connection and take the response with it: say
@@ -540,7 +543,7 @@ class EpollServer final : public HttpServer {
       client.lingered_bytes = 0;
       return drop_input(client);
     }
-    give_memory_back(client);
+    client.connection.shrink_buffer();
     wait_for(client, client.connection.buffer().empty() ? State::kIdle : State::kQueued);
   }
 
@@ -552,11 +555,6 @@ class EpollServer final : public HttpServer {
       return close(client);
     }
     wait_for(client, State::kLingering);
-  }
-
-  static void give_memory_back(Client& client) {
-    std::string& buffer = client.connection.buffer();
-    if (buffer.empty() && buffer.capacity() > kBufferKeptBytes) std::string().swap(buffer);
   }
 
   void observe(const Client& client) {

@@ -10,7 +10,7 @@
 #include <optional>
 #include <utility>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
 

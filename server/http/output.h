@@ -8,10 +8,10 @@
 #include <string>
 #include <string_view>
 
-#include "server/base/file.h"
-#include "server/http/connection.h"
+#include "server/base/disk/file.h"
 #include "server/http/memory_budget.h"
 #include "server/http/message/message.h"
+#include "server/http/sockets/connection.h"
 #include "server/store/held_files.h"
 
 namespace voxeld::http {

@@ -20,7 +20,7 @@ struct SendLimits {
   double stall_seconds = kWriteStallSeconds;  // without a byte
   double grace_seconds = kSendGraceSeconds;   // until the average counts
   int64_t rate_min = kSendRateMin;
-  // Of a download that keeps room from others.
+  // The first two, for a download that keeps room from others.
   double pressed_stall_seconds = kPressedStallSeconds, pressed_grace_seconds = kPressedGraceSeconds;
 };
 

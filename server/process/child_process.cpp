@@ -15,7 +15,7 @@
 
 #include "server/base/check.h"
 #include "server/base/clock.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

@@ -17,7 +17,7 @@
 #include <string_view>
 #include <utility>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/process/sandbox.h"
 
 namespace voxeld {

@@ -7,7 +7,7 @@
 
 #include <cerrno>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/process/sandbox.h"
 
 // Constants of kernels later than the headers of Debian 12, which end at ABI 2.

@@ -16,7 +16,7 @@
 #include <utility>
 
 #include "server/base/check.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/render/animated_image.h"
 
 namespace voxeld {

@@ -11,7 +11,7 @@
 
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/render/animated_image.h"
 #include "server/render/gif_palette.h"
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/log.h"
 #include "server/base/sha256.h"
 

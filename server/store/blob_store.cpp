@@ -15,8 +15,8 @@
 
 #include "proto/hex.h"
 #include "server/base/check.h"
-#include "server/base/directory.h"
-#include "server/base/file.h"
+#include "server/base/disk/directory.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 namespace {

@@ -5,7 +5,7 @@
 #include <cerrno>
 #include <system_error>
 
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 
 namespace voxeld {
 

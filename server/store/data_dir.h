@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <string>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/log.h"
 
 namespace voxeld {

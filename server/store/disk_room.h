@@ -7,7 +7,7 @@
 //   less than the ballast    storage-full               refused    the ballast is freed for them
 //
 // Room is taken before it is written: by the gateway with Room, by workers as
-// server/base/disk_reserve.h says. Readiness is what a new job would get.
+// server/base/disk/disk_reserve.h says. Readiness is what a new job would get.
 //
 // Once the ballast is freed, data and jobs are refused until there is room to allocate it again:
 // what they took instead could be all that deletes had.
@@ -32,9 +32,9 @@ class DiskRoom {
   static constexpr int64_t kReservePartOfDisk = 20, kBallastPartOfDisk = 32;
   // Free beside the reserve for a job to be accepted: room for rows and for a small output.
   static constexpr int64_t kJobRoomBytes = int64_t{1} << 20;
-  // Of it, what workers leave.
+  // The part of it that workers leave.
   static constexpr int64_t kRowRoomBytes = int64_t{1} << 18;
-  // What the rows of one tenant's jobs may take: some ten thousand jobs.
+  // Bytes that the rows of one tenant's jobs may take: some ten thousand jobs.
   static constexpr int64_t kRecordBytesMax = int64_t{64} << 20, kRecordPartOfDisk = 16;
 
   // `reserve_bytes_max`: on the disk of `data_dir`; 0: no reserve.

@@ -2,12 +2,9 @@
 
 #include <sys/stat.h>
 
+#include "server/base/disk/directory.h"
+
 namespace voxeld {
-namespace {
-
-constexpr int64_t kStatBlockBytes = 512;  // unit of st_blocks, whatever the file system's is
-
-}  // namespace
 
 bool is_deleted(int fd) {
   struct stat info {};
@@ -39,7 +36,7 @@ int64_t HeldFiles::bytes(std::string_view tenant) const {
     struct stat info {};
     if (::fstat(fd, &info) != 0 || info.st_nlink != 0) continue;
     if (!counted.emplace(info.st_dev, info.st_ino).second) continue;
-    bytes += static_cast<int64_t>(info.st_blocks) * kStatBlockBytes;
+    bytes += disk_bytes(info);
   }
   return bytes;
 }

@@ -93,8 +93,8 @@ class ObjectStore {
   virtual Result<BlobInfo> verified(std::string_view id) const = 0;
   // Whether the blob exists and is not known to be damaged; reads nothing.
   virtual bool is_usable(std::string_view id) const = 0;
-  // The bytes [offset, offset + bytes) of a blob. What was opened can be read to its end, also when
-  // the blob is removed meanwhile. Errors: not-found; bad-request for a range outside the blob.
+  // The bytes [offset, offset + bytes) of a blob. An open reader reads to the end, also when the
+  // blob is removed meanwhile. Errors: not-found; bad-request for a range outside the blob.
   virtual Result<std::unique_ptr<BlobReader>> read(std::string_view id, int64_t offset,
                                                    int64_t bytes) const = 0;
   // A file of this machine with the blob's bytes, named by its id: to open it or to link it for a

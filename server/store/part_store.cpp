@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "proto/number_text.h"
-#include "server/base/directory.h"
-#include "server/base/file.h"
+#include "server/base/disk/directory.h"
+#include "server/base/disk/file.h"
 #include "server/base/log.h"
 #include "server/base/sha256.h"
 

@@ -11,8 +11,8 @@
 #include <functional>
 #include <utility>
 
-#include "server/base/directory.h"
-#include "server/base/file.h"
+#include "server/base/disk/directory.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 
 namespace voxeld {

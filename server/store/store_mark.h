@@ -19,7 +19,7 @@
 #include <string_view>
 
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/thread_annotations.h"
 
 namespace voxeld {

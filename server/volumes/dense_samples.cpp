@@ -10,7 +10,7 @@
 #include <type_traits>
 
 #include "server/base/cancel_point.h"
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 #include "server/volumes/volume_error.h"
 
 namespace voxeld::volumes {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <system_error>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 namespace {

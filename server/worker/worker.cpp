@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "server/base/clock.h"
-#include "server/base/disk_reserve.h"
+#include "server/base/disk/disk_reserve.h"
 #include "server/base/log.h"
 #include "server/process/machine.h"
 #include "server/worker/device/calibration_key.h"
@@ -115,7 +115,7 @@ std::optional<int> check_context(Engine& engine, const Task& task, const TaskOut
   return kExitContextLost;
 }
 
-// What the gateway is told of the device; empty: all of it works.
+// The failure of the device that the gateway is told; empty: all of it works.
 std::string device_failure(const Engine& engine) {
   constexpr size_t kTextBytesMax = 2000;  // a compiler's log may be longer than a message
   std::string failure = engine.device_failure;

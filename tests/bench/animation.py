@@ -5,8 +5,8 @@
                    [--pipeline cpu] [--runs 3] [--separate 12] [--set NAME=VALUE ...]
   /usr/bin/python3 tests/bench/animation.py ASSET --hashes llvmpipe,lavapipe,osmesa [--sizes 128] [--frames 0..19]
 
-Starts a daemon of its own; ASSET is a file or a folder, which is zipped. Of each size the median of the
-runs after one that warms up: frames per second of the whole job (from its start to its end, with the
+Starts a daemon of its own; ASSET is a file or a folder, which is zipped. Prints for each size the median
+of the runs after one that warms up: frames per second of the whole job (from its start to its end, with the
 result written as a native sequence), milliseconds per frame of its stages and of the passes of
 voxelizing (those run beside encoding, so that the stages say what is waited for), bytes per frame as
 stored containers, in the sequence and in npz. `--separate` frames are also voxelized by a request of

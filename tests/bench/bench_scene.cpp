@@ -13,7 +13,7 @@
 
 #include <glm/vec3.hpp>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/scene/load.h"
 #include "tests/bench/waves.h"
 

@@ -7,13 +7,11 @@ Cancels jobs that parse, decode textures, voxelize and export, at times spread o
 median and the largest time from the request to the job's end, in milliseconds. VOXELD_BIN_DIR chooses the daemon."""
 import argparse
 import pathlib
-import shutil
 import statistics
 import sys
-import tempfile
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
-from harness import Daemon, make_fixtures  # noqa: E402  (needs the path above)
+from harness import daemon_with_fixtures  # noqa: E402  (needs the path above)
 from test_cancel import CancelLoad  # noqa: E402
 
 
@@ -22,11 +20,8 @@ def main():
     parser.add_argument("--rounds", type=int, default=10)
     parser.add_argument("--device", default="cpu")
     arguments = parser.parse_args()
-    fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
-    make_fixtures(fixtures)
-    load = CancelLoad(fixtures)
-    daemon = Daemon(device=arguments.device, arguments=["--workers-per-device", "1"])
-    try:
+    with daemon_with_fixtures(arguments.device, ["--workers-per-device", "1"]) as (daemon, fixtures):
+        load = CancelLoad(fixtures)
         for case in load.cases:
             times = []
             for i in range(arguments.rounds):
@@ -35,9 +30,6 @@ def main():
                     times.append(ms)
             print(f"{case:9} {len(times):3d} cancels: median {statistics.median(times):6.0f} ms, "
                   f"at most {max(times):6.0f} ms", flush=True)
-    finally:
-        daemon.stop()
-        shutil.rmtree(fixtures, ignore_errors=True)
 
 
 if __name__ == "__main__":

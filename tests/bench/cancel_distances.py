@@ -10,16 +10,14 @@ import argparse
 import json
 import pathlib
 import re
-import shutil
 import struct
 import sys
-import tempfile
 import time
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
-from harness import Daemon, make_fixtures  # noqa: E402  (needs the path above)
+from harness import daemon_with_fixtures  # noqa: E402  (needs the path above)
 from test_cancel import lattice, long_mesh, textured_mesh  # noqa: E402
 
 
@@ -118,12 +116,9 @@ def main():
     parser.add_argument("--seconds", type=float, default=30)
     parser.add_argument("--only", nargs="*")
     arguments = parser.parse_args()
-    fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
-    make_fixtures(fixtures)
-    cases = Cases(fixtures)
-    daemon = Daemon(device=arguments.device, arguments=["--workers-per-device", "1"])
-    assets = {}
-    try:
+    with daemon_with_fixtures(arguments.device, ["--workers-per-device", "1"]) as (daemon, fixtures):
+        cases = Cases(fixtures)
+        assets = {}
         for name, file, kind, options in cases.jobs:
             if arguments.only and name not in arguments.only:
                 continue
@@ -140,9 +135,6 @@ def main():
             error = status.get("error", {}).get("detail", "")
             print(f"{name:14} {status['state']:9} {took:7d} ms   {stage:10} {f'{ms:.0f}' if ms else '-':>6}  {error}",
                   flush=True)
-    finally:
-        daemon.stop()
-        shutil.rmtree(fixtures, ignore_errors=True)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/container/grid_format.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/bench/grid_sizes.h"
 
 namespace voxeld::bench {

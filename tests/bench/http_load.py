@@ -123,12 +123,9 @@ def main():
     arguments = parser.parse_args()
     os.environ["VOXELD_BIN_DIR"] = arguments.bin
     import http_load
-    from harness import Daemon, make_fixtures
-    fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
-    make_fixtures(fixtures)
-    daemon = Daemon(device="cpu", arguments=("--log-level", "warn", "--queued-jobs-max",
-                                             str(arguments.queued + 6)))
-    try:
+    from harness import daemon_with_fixtures
+    options = ["--log-level", "warn", "--queued-jobs-max", str(arguments.queued + 6)]
+    with daemon_with_fixtures(arguments=options) as (daemon, fixtures):
         asset = daemon.upload(fixtures / "sample.glb")
         job = daemon.submit(kind="voxelize", asset=asset, options={"size": 16})
         daemon.wait(job)
@@ -142,9 +139,6 @@ def main():
                                                arguments.queued, arguments.seconds)
         facts["load_after"] = os.getloadavg()[0]
         print(json.dumps(facts, indent=1))
-    finally:
-        daemon.stop()
-        shutil.rmtree(fixtures, ignore_errors=True)
 
 
 if __name__ == "__main__":

@@ -12,12 +12,11 @@ import http.client
 import json
 import pathlib
 import sys
-import tempfile
 import threading
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
-from harness import Daemon, make_fixtures  # noqa: E402
+from harness import daemon_with_fixtures  # noqa: E402
 
 
 class Submitter:
@@ -63,11 +62,8 @@ def main():
     parser.add_argument("--clients", type=int, default=12)
     parser.add_argument("--count", type=int, default=500)
     arguments = parser.parse_args()
-    fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
-    make_fixtures(fixtures)
-    daemon = Daemon(device="cpu", arguments=["--workers-per-device", "1", "--queued-jobs-max",
-                                             str(arguments.full + 10)])
-    try:
+    options = ["--workers-per-device", "1", "--queued-jobs-max", str(arguments.full + 10)]
+    with daemon_with_fixtures(arguments=options) as (daemon, fixtures):
         asset = daemon.upload(fixtures / "sample.glb")
         busy = daemon.submit(kind="voxelize", asset=asset, priority=100,
                              options={"size": 16384, "fill": "solid", "cache": "no"})
@@ -87,9 +83,7 @@ def main():
         measure(f"{arguments.full} in the queue")
         print("state of the busy job:", daemon.get(f"/v1/jobs/{busy}").json()["state"])
         daemon.request("DELETE", f"/v1/jobs/{busy}")
-    finally:
         daemon.process.kill()
-        daemon.stop()
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "server/base/clock.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/render/cpu/cpu_renderer.h"

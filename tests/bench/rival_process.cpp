@@ -7,7 +7,7 @@
 #include <exception>
 #include <utility>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/scene/load.h"
 #include "server/scene/ply/body.h"
 #include "tests/bench/rival.h"

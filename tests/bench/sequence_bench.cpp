@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "server/base/clock.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/formats/formats.h"
 #include "server/formats/sequence_writer.h"
 #include "server/scene/core/animated_scene.h"

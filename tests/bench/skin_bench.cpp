@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "server/base/clock.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/grid/content_hash.h"

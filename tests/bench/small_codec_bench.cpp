@@ -14,7 +14,7 @@
 #include "proto/codec/octree_codec.h"
 #include "proto/container/grid_format.h"
 #include "proto/container/tile_streams.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/grid/grid.h"
 #include "server/scene/load.h"
 #include "server/voxel/voxelize.h"

@@ -4,7 +4,7 @@
 
 The seed decides when and whom it kills, and what the clients ask; not how the requests and the kills meet.
 
-Each client notes what it sent and what was acknowledged. Whatever was acknowledged must be there in the
+Each client notes what it sent and what was acknowledged. All that was acknowledged must be there in the
 end, exactly once: jobs ended as asked with the right bytes, uploads are there, deleted things are gone."""
 import argparse
 import collections

@@ -10,7 +10,7 @@
 
 #include "server/api/access/signed_link.h"
 #include "server/base/check.h"
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 #include "server/http/message/head_parser.h"
 #include "server/http/message/trace_context.h"
 

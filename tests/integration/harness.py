@@ -1,4 +1,5 @@
 """Starts voxeld on ports of its own, talks HTTP to it, and holds every response against openapi.json."""
+import contextlib
 import copy
 import email.utils
 import http.client
@@ -260,6 +261,19 @@ class Daemon:
         if self.own_data:
             shutil.rmtree(self.data_dir, ignore_errors=True)
             os.unlink(self.data_dir.rstrip("/") + ".log")
+
+
+@contextlib.contextmanager
+def daemon_with_fixtures(device="cpu", arguments=()):
+    """(daemon, folder of fixtures), for programs; both go with the block."""
+    with tempfile.TemporaryDirectory(prefix="voxeld-fixtures-", ignore_cleanup_errors=True) as folder:
+        fixtures = pathlib.Path(folder)
+        make_fixtures(fixtures)
+        daemon = Daemon(device=device, arguments=arguments)
+        try:
+            yield daemon, fixtures
+        finally:
+            daemon.stop()
 
 
 def run_for(seconds, stop, calls):

@@ -1,6 +1,6 @@
 """Small files that would blow up: each cap of server/worker/README.md, on both of its sides where that is cheap.
 
-What is refused must name the limit, and the worker that looked at it must not have grown."""
+A refusal must name the limit, and the worker that looked at the file must not have grown."""
 import base64
 import io
 import json

@@ -258,7 +258,7 @@ class Demo(unittest.TestCase):
 
 
 class Checks(unittest.TestCase):
-    """What a page may not do."""
+    """Faults that a page may not have."""
 
     def refused(self, text):
         clone = Clone()

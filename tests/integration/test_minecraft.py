@@ -67,7 +67,7 @@ class Minecraft(DaemonTest):
                 self.check_cells(self.blocks(f"size=40&blocks={given}", form), grid, allowed)
 
     def test_dither_keeps_the_mean_colour_better(self):
-        """Of the whole model, with few blocks: a mixture is nearer to its mean than the nearest blocks are."""
+        """The mean of the whole model, with few blocks: a mixture is nearer to its mean than the nearest blocks are."""
         grid = self.npz("size=64")
         occupied = grid["occupancy"] > 0
         own = oklab(grid["color"][occupied][:, :3]).mean(0)

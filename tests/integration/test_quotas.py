@@ -192,7 +192,7 @@ class Quotas(unittest.TestCase):
                      f"/v1/sequences/{frames['result']['sequence']}",
                      f"/v1/jobs/{frames['id']}/frames/0"):
             self.problem(lab.get(path), 410, "gone", "was deleted")
-        # What is left are the records of jobs.
+        # The records of jobs are left.
         self.remove_jobs(lab, [job["id"] for job in (still, image, frames)])
         self.assertEqual(self.usage(lab), 0)
         deadline = time.monotonic() + 30  # files go with the next sweep

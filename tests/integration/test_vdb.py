@@ -45,7 +45,7 @@ class Vdb(DaemonTest):
         return str(path)
 
     def printed(self, path):
-        """What vdb_print tells of each grid, by name."""
+        """The text of vdb_print for each grid, by name."""
         text = subprocess.run(["vdb_print", "-l", path], check=True, capture_output=True, text=True).stdout
         parts = [part.split("\n", 1) for part in text.split("\nName: ")[1:]]
         return {name: dict(re.findall(r"^ *([^:\n]+): +(.*)$", facts, re.M)) for name, facts in parts}

@@ -34,7 +34,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/grid/grid_spec.h"
 #include "server/scene/load.h"

@@ -21,7 +21,7 @@ test.afterAll(() => daemon?.end());
 // pixel at rest. So pages draw in tests with this tag alone, and a quarter of the pixels.
 const DRAWN = { tag: "@drawn" };
 
-// Whatever a test does: no violation of the policy, no error in a script.
+// No test may violate the policy or end a script with an error.
 test.beforeEach(async ({ page, context }, info) => {
   page.faults = [];
   page.on("pageerror", error => page.faults.push(String(error.stack)));

@@ -105,8 +105,9 @@ export function filesOfInput(input: HTMLInputElement): NamedFile[] {
 }
 
 /**
- * The mesh of the files and what goes with it; null if none is a mesh. Of several meshes the one
- * with the most companions' format is taken first (MESHES is in that order), then the largest.
+ * The mesh of the files and what goes with it; null if none is a mesh. The mesh has
+ * the first format of MESHES that the files have, which begins with the most companions', and is the
+ * largest file of that format.
  */
 export function bundleOf(files: readonly NamedFile[]): Bundle | null {
   const meshes = files

@@ -20,7 +20,7 @@ const DTYPE: FormatOption = { name: "dtype", values: ["uint8", "bool", "float32"
 const AXES: FormatOption = { name: "axes", values: ["zyx", "xyz"] };
 const MESH: FormatOption = { name: "mesh", values: ["greedy", "faces", "smooth"] };
 const DITHER: FormatOption = { name: "dither", values: ["none", "bayer", "error"] };
-// Of these the menu offers the ones that the grid has.
+// All channels; the menu offers those that the grid has.
 const CHANNEL: FormatOption = {
   name: "channel",
   values: ["occupancy", "color", "normal", "material", "label", "distance", "coverage"],

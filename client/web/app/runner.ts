@@ -44,7 +44,7 @@ export class Runner {
     return this.#running !== null;
   }
 
-  /** What the wish would cost. Throws Problem, AbortError. */
+  /** The cost of the wish. Throws Problem, AbortError. */
   price(wish: Wish, signal: AbortSignal): Promise<DryRun> {
     return this.api.json<DryRun>("/v1/jobs?dry_run=1", { body: this.#body(wish), signal });
   }

@@ -115,7 +115,7 @@ export class Take {
     this.#choose(this.#format.name);
   }
 
-  /** What can be taken from now on; null: nothing. */
+  /** Sets the source of all files; null: nothing can be taken. */
   show(source: Source | null): void {
     this.#source = source;
     this.#linkRow.hidden = this.#linkNote.hidden = true;

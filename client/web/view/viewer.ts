@@ -1,4 +1,4 @@
-// What the page knows of its viewer: an orbit view of one voxel grid in a canvas, drawn by the
+// The page's interface to its viewer: an orbit view of one voxel grid in a canvas, drawn by the
 // daemon's own ray-march shader in WebGL2. createViewer() (create_viewer.ts) makes one.
 
 export type Vec3 = readonly [number, number, number];

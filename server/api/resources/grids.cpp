@@ -12,7 +12,7 @@
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
 #include "server/api/resources/zarr_member.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/http/file_response.h"
 
 namespace voxeld::api {

@@ -24,7 +24,7 @@
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"
 #include "server/api/resources/resources.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld::api {
 namespace {

@@ -11,7 +11,7 @@
 #include "server/api/accept.h"
 #include "server/api/resources/resources.h"
 #include "server/api/web_files.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/http/file_response.h"
 #include "server/http/message/content_coding.h"

@@ -8,8 +8,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "server/formats/mesh/brick_index.h"
-#include "server/formats/mesh/voxel_bricks.h"
+#include "server/formats/bricks/brick_index.h"
+#include "server/formats/bricks/voxel_bricks.h"
 #include "server/formats/npy/sparse_array.h"
 
 namespace voxeld::cells {

@@ -134,7 +134,7 @@ void put_sample(Ktx2Bytes& out, const TexelFormat& format, uint32_t number) {
   out.put(uint32_t{0}).put(lower).put(upper);
 }
 
-// One basic block. Of texels in a compressed level it says what they are without compression.
+// One basic block. It describes the texels of a compressed level as they are without compression.
 void put_descriptor(Ktx2Bytes& out, const TexelFormat& format) {
   constexpr uint16_t kVersion = 2;
   constexpr uint8_t kRgbsda = 1, kBt709 = 1, kLinear = 1, kSrgb = 2, kStraightAlpha = 0;

@@ -29,7 +29,7 @@
 #include "server/formats/mesh/outer_voxels.h"
 #include "server/formats/mesh/surface_mesh.h"
 #include "server/formats/output_file.h"
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld::mesh {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
-#include "server/formats/mesh/voxel_bricks.h"
-#include "server/formats/mesh/voxel_lookup.h"
+#include "server/formats/bricks/voxel_bricks.h"
+#include "server/formats/bricks/voxel_lookup.h"
 
 namespace voxeld::mesh {
 namespace {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/formats/mesh/voxel_bricks.h"
+#include "server/formats/bricks/voxel_bricks.h"
 #include "server/formats/mesh/voxel_colors.h"
 
 namespace voxeld::mesh {

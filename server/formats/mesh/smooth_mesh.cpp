@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "server/base/cancel_point.h"
+#include "server/formats/bricks/voxel_bricks.h"
+#include "server/formats/bricks/voxel_lookup.h"
 #include "server/formats/mesh/mesh_rows.h"
 #include "server/formats/mesh/rectangle_mesh.h"
 #include "server/formats/mesh/rectangles.h"
-#include "server/formats/mesh/voxel_bricks.h"
-#include "server/formats/mesh/voxel_lookup.h"
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld::mesh {
 namespace {

@@ -1,9 +1,9 @@
 #include "server/formats/mesh/surface_mesh.h"
 
+#include "server/formats/bricks/voxel_bricks.h"
 #include "server/formats/mesh/rectangle_mesh.h"
 #include "server/formats/mesh/rectangles.h"
 #include "server/formats/mesh/smooth_mesh.h"
-#include "server/formats/mesh/voxel_bricks.h"
 
 namespace voxeld::mesh {
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "server/formats/brick_rows.h"
+#include "server/grid/color/palette_entries.h"
 #include "server/grid/grid.h"
-#include "server/grid/palette_entries.h"
 
 namespace voxeld::minecraft {
 

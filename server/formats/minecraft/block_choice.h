@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "proto/options/options.h"
+#include "server/grid/color/palette_entries.h"
 #include "server/grid/grid.h"
-#include "server/grid/palette_entries.h"
 
 namespace voxeld::minecraft {
 

@@ -38,7 +38,7 @@
 #include "server/formats/output_file.h"
 #include "server/formats/points/ldraw_colors.h"
 #include "server/formats/volume/volume_facts.h"
-#include "server/grid/palette_entries.h"
+#include "server/grid/color/palette_entries.h"
 
 namespace voxeld::ldraw {
 namespace {

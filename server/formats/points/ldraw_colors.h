@@ -5,7 +5,7 @@
 #include <span>
 #include <string_view>
 
-#include "server/grid/rgb.h"
+#include "server/grid/color/rgb.h"
 
 namespace voxeld::ldraw {
 

@@ -10,8 +10,8 @@
 namespace voxeld {
 
 // The tiles of another source with the voxels of its largest components alone. A component is a set
-// of voxels that are connected by neighbours. Of equally large ones that comes first whose first
-// cell in order of z, y, x does. The source must outlive it.
+// of voxels that are connected by neighbours. Equally large ones are in the order of their first
+// cells by z, y, x. The source must outlive it.
 class ComponentTiles final : public TileSource {
  public:
   // Reads all tiles once, to find the components; count >= 1 of them remain. Errors: the source's.

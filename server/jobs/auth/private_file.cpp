@@ -10,7 +10,7 @@
 #include <system_error>
 #include <thread>
 
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 
 namespace voxeld {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 

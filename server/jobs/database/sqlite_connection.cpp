@@ -129,7 +129,7 @@ Result<SqliteConnection> SqliteConnection::open(const std::filesystem::path& pat
     VOXELD_TRY(connection.run_script(
         "PRAGMA auto_vacuum=INCREMENTAL; PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA "
         "foreign_keys=ON;"
-        // What an operation may have to undo: otherwise a file is made for it each time.
+        // The journal of a statement that may have to be undone: otherwise each makes a file.
         "PRAGMA temp_store=MEMORY;"
         // A log that grew while a long reader kept it from being reused becomes short again.
         "PRAGMA journal_size_limit=" +

@@ -137,7 +137,7 @@ std::string with_own_functions(std::string sql) {
   return sql;
 }
 
-// What a row counts in tenant_usage.bytes, and in record_bytes.
+// SQL of the bytes of a row that count under the condition, in tenant_usage.bytes or record_bytes.
 std::string bytes_in(const CountedTable& table, std::string_view condition, std::string_view row) {
   return "CASE WHEN " + of_row(condition, row) + " THEN " + of_row(table.bytes, row) +
          " ELSE 0 END";

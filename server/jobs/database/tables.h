@@ -1,5 +1,5 @@
-// Tables of the job database, the same for every implementation, and what an implementation keeps
-// up to date in them by itself.
+// Tables of the job database, the same for every implementation, and the rows and columns that an
+// implementation derives by itself.
 #pragma once
 
 #include <span>
@@ -17,7 +17,7 @@ int schema_version();
 std::string tables_sql(std::string_view row_number);
 
 // Rows and columns that the database derives from other rows, in the transaction that changes
-// those: code that adds, changes or removes a row need not know of them, and a submit costs the
+// those. Code that adds, changes or removes a row need not know of them, and a submit costs the
 // same with 10,000 queued jobs. Each implementation has triggers of its own for them (SQLite:
 // sqlite_schema.cpp). Both queries give the same rows at any time, ordered by all their columns.
 struct DerivedRows {
@@ -27,8 +27,8 @@ struct DerivedRows {
 };
 std::span<const DerivedRows> derived_rows();
 // A table whose rows count towards their tenant in `tenant_usage`. Its triggers (sqlite_schema.cpp)
-// and derived_rows() follow from this. SQL has @ in front of each column, for which of_row() puts
-// the name of a row.
+// and derived_rows() follow from this. The SQL has @ in front of each column; of_row() replaces it
+// with the name of a row.
 struct CountedTable {
   std::string_view name;
   // Bytes that a row takes on the disk, with its entries in indexes: measured with SQLite, whose

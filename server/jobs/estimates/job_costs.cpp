@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
 

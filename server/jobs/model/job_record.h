@@ -1,4 +1,4 @@
-// A job as the gateway knows it, and how jobs are submitted, listed and told of.
+// A job as the gateway knows it, and the types by which jobs are submitted, listed and watched.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace voxeld {
 
-// Of a job without one: it sorts behind all others.
+// The deadline of a job that has none: it sorts behind all others.
 inline constexpr int64_t kNoDeadline = INT64_MAX;
 
 // A job with the facts that its public status leaves out.

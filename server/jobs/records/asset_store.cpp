@@ -131,7 +131,7 @@ Status check_bundle_file(SqlConnection& connection, std::string_view tenant,
   return Error{ErrorCode::kMalformedBundle, what + "it is a bundle itself", "a file", file.asset};
 }
 
-// What the rows of a bundle's files take on the disk, as CountedTable::bytes.
+// Bytes that the rows of a bundle's files take on the disk, as CountedTable::bytes.
 int64_t bytes_of_rows(const std::vector<BundleFile>& files) {
   constexpr int64_t kRowBytes = 384;
   int64_t bytes = 0;

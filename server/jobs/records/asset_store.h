@@ -56,8 +56,8 @@ class AssetStore {
   ObjectStore& blobs_;
 };
 
-// The asset as the caller sees it, named as its id says (AssetId). Who sees all gets an own one
-// first, then the newest. Errors: not-found, gone.
+// The asset as the caller sees it, named as its id says (AssetId). A caller who sees all gets an
+// own one first, then the newest. Errors: not-found, gone.
 Result<Asset> load_asset(SqlConnection& connection, const Caller& caller, std::string_view id);
 // When the tenant's asset is a bundle: that each of its files is an asset that is there. Errors as
 // those of put_bundle().

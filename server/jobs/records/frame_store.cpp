@@ -6,7 +6,7 @@
 #include <semaphore>
 #include <utility>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/jobs/model/results.h"
 #include "server/jobs/records/blob_needs.h"
 #include "server/jobs/records/quota.h"

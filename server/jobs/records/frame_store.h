@@ -28,7 +28,8 @@ class FrameStore {
   // tenant would keep more than `bytes_max` (0: any).
   Result<std::optional<int64_t>> add(const TaskFrame& frame, const BlobInfo& grid,
                                      int64_t frames_total, int64_t bytes_max);
-  // By ascending index; those of earlier attempts count. Whoever asks may see the job.
+  // By ascending index; those of earlier attempts count. The caller must have checked
+  // that the job may be seen.
   Result<std::vector<ListedFrame>> of_job(std::string_view job, const FrameRange& range = {});
 
   // The manifest of a sequence that a finished job of the caller left. Errors: not-found, gone.

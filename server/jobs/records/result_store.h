@@ -25,8 +25,8 @@ class ResultStore {
   using Ids = std::vector<std::string>;
   explicit ResultStore(Database& database) : database_(database) {}
 
-  // Newest first, those below `before_seq` (0: all). Of several results with the same grid or
-  // sequence the newest is listed.
+  // Newest first, those below `before_seq` (0: all). Several results with the same grid or
+  // sequence are one entry, the newest.
   Result<std::vector<KeptResult>> list(const Caller& caller, KeptKind kind, int limit,
                                        int64_t before_seq);
   // Each returns the blobs that may go. Errors: not-found, gone; conflict for a job that has not

@@ -1,5 +1,5 @@
-// The clock of retention and of deadlines. It goes on as the machine runs, whatever is done to its
-// wall clock, so that a jump of that makes nothing old or late.
+// The clock of retention and of deadlines. It follows the running time of the machine, not the wall
+// clock, whose jumps would make results old or jobs late.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace voxeld {
 class KeptClock {
  public:
   static constexpr int64_t kStoppedMsMax = int64_t{24} * 60 * 60 * 1000;
-  // A smaller step of the wall clock is not worth a word.
+  // A smaller step of the wall clock is not reported.
   static constexpr int64_t kJumpMsMin = int64_t{60} * 1000;
 
   struct Sources {
@@ -28,10 +28,10 @@ class KeptClock {
   KeptClock(Sources sources, int64_t saved_kept_ms, int64_t saved_wall_ms);
   int64_t now_ms() const { return first_kept_ms_ + sources_.steady_ms() - first_steady_ms_; }
   int64_t wall_ms() const { return sources_.wall_ms(); }
-  // What passed between the last process and this one.
+  // The time between the last process and this one, at most kStoppedMsMax.
   int64_t stopped_ms() const { return stopped_ms_; }
-  // By how much the wall clock moved since the last call beside the time that passed; 0 for less
-  // than kJumpMsMin.
+  // The jump of the wall clock since the last call: its change without the time that passed; 0 for
+  // less than kJumpMsMin.
   int64_t take_jump_ms() EXCLUDES(mutex_);
 
  private:

@@ -38,7 +38,7 @@ class Retention {
   // Notes the age of what was used, ended or deleted since the last call. All other times of ages
   // are those of this clock (KeptClock), never the wall clock's.
   Status note_ages(int64_t kept_now_ms);
-  // How many results or assets there are, or jobs that ended: what an age limit may take a part of.
+  // The number of results, assets or ended jobs, of which an age limit may take a part.
   enum class Aged { kResults, kAssets, kJobs };
   Result<int64_t> count(Aged what);
   // As expire_results(), by age, at most `count_max`.
@@ -47,12 +47,12 @@ class Retention {
   Result<int64_t> expire_frames(int64_t aged_before_ms);
   // As if their tenants had deleted them.
   Result<int64_t> expire_assets(int64_t aged_before_ms, int64_t count_max);
-  // Rows of jobs that ended before that, with their events; and what remembers deleted assets.
-  // Results that have not expired stay: equal jobs are answered by them.
+  // Rows of jobs that ended before that, with their events, and rows of deleted assets. Results
+  // that have not expired stay, as equal jobs get them.
   Result<int64_t> trim_jobs(int64_t aged_before_ms, int64_t count_max);
 
-  // Of each tenant whose records take more than this (TenantUsage::record_bytes): the rows of jobs
-  // that ended, in the order of their arrival, then what remembers deleted assets.
+  // Trims each tenant whose records take more than this (TenantUsage::record_bytes): rows of jobs
+  // that ended, in the order of their arrival, then rows of deleted assets.
   Result<int64_t> trim_records(int64_t record_bytes_max);
   // Gives room of removed rows back to the disk. Returns how many bytes.
   Result<int64_t> reclaim() { return database_.reclaim(); }
@@ -60,9 +60,9 @@ class Retention {
   // The suspects of the store that no row names: of failed uploads, and blobs that were being
   // uploaded, or worked on, when they were deleted.
   Result<int64_t> remove_suspects();
-  // Moves blobs that the database does not know, among all of them, to the quarantine of the day:
-  // what a process that was killed left, and what a restored database lacks. Those that it knows as
-  // deleted or expired go. Reads much.
+  // Moves blobs that the database does not know, among all of them, to the quarantine of the day: a
+  // killed process left them, or a restored database lacks them. Removes blobs that it knows as
+  // deleted or expired. Reads much.
   Result<int64_t> quarantine_orphans(std::string_view day);
   // Moves those back that a row names by now: the right database is back, or the same bytes were
   // uploaded again.

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "server/base/clock.h"
-#include "server/base/directory.h"
-#include "server/base/file.h"
+#include "server/base/disk/directory.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/jobs/auth/key_file.h"
 #include "server/jobs/database/sqlite_connection.h"

@@ -12,7 +12,7 @@
 #include "proto/messages/sequence.h"
 #include "proto/options/options.h"
 #include "server/base/clock.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/jobs/auth/api_key.h"
 #include "server/jobs/auth/key_file.h"
 #include "server/jobs/model/caller.h"

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/jobs/auth/key_memory.h"
 #include "server/jobs/database/database.h"
 #include "server/jobs/estimates/queue_forecast.h"

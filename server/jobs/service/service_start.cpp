@@ -149,7 +149,7 @@ void Service::keep_reserve() {
   supervisor->keep_reserve(reserve_of(config_.isolation(), supervised_workers()));
 }
 
-// What transient jobs left becomes durable: first the blobs, then the rows that name them.
+// Makes the changes of transient jobs durable: first the blobs, then the rows that name them.
 void Service::sync_soon() {
   for (const Status& synced : {blobs_.sync(), database_->sync()}) {
     if (!synced) log::warn("cannot sync the store", {{"error", synced.error().message()}});

@@ -5,7 +5,7 @@
 
 #include "proto/container/grid_directory.h"
 #include "server/base/clock.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/log.h"
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/job_record.h"

@@ -34,7 +34,7 @@ class OutputAdopter {
   // `adopted` keeps them in the store until the database names them.
   Status adopt_outputs(const WorkerFiles& files, const TaskCompletion& completion,
                        std::map<std::string, BlobInfo>& adopted, FinishedTask& finished);
-  // What the job's tenant may keep, and how durable that is.
+  // The limits of the job's tenant, and the durability of the outputs.
   struct Terms {
     TenantLimits limits;
     Durability durability = Durability::kNow;

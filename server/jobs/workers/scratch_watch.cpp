@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 #include "server/base/guard.h"
 
 namespace voxeld {
@@ -61,7 +61,7 @@ void ScratchWatch::run() {
   }
 }
 
-// One goes at a time for the disk: what it leaves may do for the others.
+// Ends at most one worker at a time for a full disk: the room that it frees may be enough.
 void ScratchWatch::look() const {
   std::vector<WatchedScratch> workers = calls_.workers();
   std::erase_if(workers, [this](const WatchedScratch& worker) {
@@ -70,7 +70,7 @@ void ScratchWatch::look() const {
     return !within.ok();
   });
   if (workers.empty() || !disk_.is_nearly_full()) return;
-  // What cannot be measured is the most that there can be.
+  // A worker whose folders cannot be measured counts as the largest.
   const auto bytes_of_worker = [](const WatchedScratch& worker) {
     const Result<int64_t> bytes = bytes_of(worker.folders);
     return bytes ? *bytes : std::numeric_limits<int64_t>::max();

@@ -11,8 +11,8 @@
 #include <system_error>
 #include <utility>
 
-#include "server/base/directory.h"
-#include "server/base/file.h"
+#include "server/base/disk/directory.h"
+#include "server/base/disk/file.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/process/frame_socket.h"

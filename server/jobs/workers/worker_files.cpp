@@ -8,8 +8,8 @@
 #include <cerrno>
 #include <system_error>
 
-#include "server/base/directory.h"
-#include "server/base/file.h"
+#include "server/base/disk/directory.h"
+#include "server/base/disk/file.h"
 
 namespace voxeld {
 namespace {

@@ -60,7 +60,7 @@ class NormalMemo {
   std::array<Entry, size_t{1} << kBits> entries_;
 };
 
-// What the pixels of a band share.
+// The kernel, rays and normals that the pixels of a band share.
 struct PixelLanes {
   explicit PixelLanes(const MarchKernel& march_kernel) : kernel(march_kernel) {}
   const MarchKernel& kernel;
@@ -156,7 +156,7 @@ class SampleRays {
     int first, open, lit;
   };
 
-  // Of sample i of a pixel, in samples_of_.
+  // The index of sample i of a pixel in samples_of_.
   size_t number_of(int pixel, int i) const {
     return static_cast<size_t>(pixel) * static_cast<size_t>(samples_) + static_cast<size_t>(i);
   }

@@ -100,7 +100,7 @@ std::string printed(double value) {
   return whole ? std::to_string(static_cast<int64_t>(value)) : std::to_string(value);
 }
 
-// What the components of a file's colours mean, all in sRGB as CGAL, MeshLab and CloudCompare take
+// The range of a file's colour components, all in sRGB as CGAL, MeshLab and CloudCompare take
 // them. Bytes go to 255. Floats go to 1 or 255, and integers to 255 or what 16 bits hold; the
 // largest value of the file tells which.
 class ColorRange {

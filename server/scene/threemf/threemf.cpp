@@ -1,5 +1,5 @@
 // Loads a 3MF package: the objects of its build, with the colours of base materials, colour groups
-// and textures. What slicers add (settings, thumbnails, paint) is ignored.
+// and textures. Additions of slicers (settings, thumbnails, paint) are ignored.
 #include <map>
 #include <string>
 #include <tuple>

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <tuple>
 
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 #include "server/voxel/attributes/texture_period.h"
 
 namespace voxeld {

@@ -7,7 +7,7 @@
 
 #include "server/base/cancel_point.h"
 #include "server/base/parallel.h"
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "server/base/floor.h"
 #include "server/base/parallel.h"
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld {
 namespace {

@@ -7,7 +7,7 @@
 
 #include <glm/common.hpp>
 
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 #include "server/voxel/attributes/resolve.h"
 #include "server/voxel/attributes/sum_fold.h"
 #include "server/voxel/cpu/attribute_visitor.h"

@@ -4,7 +4,7 @@
 #include <bit>
 
 #include "proto/codec/sparse_tile.h"
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 #include "server/voxel/attributes/nearest_point.h"
 #include "shaders/glsl.h"
 

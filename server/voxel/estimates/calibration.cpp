@@ -6,8 +6,8 @@
 #include <optional>
 #include <system_error>
 
-#include "server/base/file.h"
-#include "server/base/replace_file.h"
+#include "server/base/disk/file.h"
+#include "server/base/disk/replace_file.h"
 
 namespace voxeld {
 namespace {

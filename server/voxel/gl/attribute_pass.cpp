@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 #include "server/voxel/attributes/mip_chain.h"
 #include "server/voxel/gl/occupancy/touch_pass.h"
 #include "shaders/shared/attributes.h"

@@ -4,8 +4,8 @@
 #include <system_error>
 #include <utility>
 
-#include "server/base/file.h"
-#include "server/base/replace_file.h"
+#include "server/base/disk/file.h"
+#include "server/base/disk/replace_file.h"
 
 namespace voxeld {
 namespace {

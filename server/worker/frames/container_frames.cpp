@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "proto/container/sequence_format.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/region.h"

@@ -6,7 +6,7 @@
 
 #include "proto/container/grid_format.h"
 #include "server/base/algorithm_version.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/grid/grid_spec.h"
 #include "server/voxel/frames/shared_frames.h"
 #include "server/worker/grids/grid_file.h"

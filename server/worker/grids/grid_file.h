@@ -11,7 +11,7 @@
 #include "proto/container/grid_writer.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/grid/content_hash.h"
 #include "server/voxel/tiles/tile_sink.h"
 

@@ -6,7 +6,7 @@
 
 #include "proto/options/values.h"
 #include "proto/options/words.h"
-#include "server/base/mapped_pages.h"
+#include "server/base/disk/mapped_pages.h"
 #include "server/formats/formats.h"
 #include "server/formats/output_file.h"
 #include "server/formats/zarr/zarr.h"
@@ -35,8 +35,8 @@ std::string mirrored_axes(const OutputOptions& output) {
   return axes;
 }
 
-// The names of labels after their numbers have changed, as {id, name} ascending by id. Of labels
-// that become one, the name of the unchanged one stays, or else that of the lowest.
+// The names of labels after their numbers have changed, as {id, name} ascending by id. Labels that
+// become one have the name of the unchanged one, or else that of the lowest.
 json remapped_names(const json& labels, const std::vector<LabelChange>& changes) {
   std::map<int64_t, json> named;
   for (const json& label : labels) {

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "proto/options/options.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/grid/tile_source.h"
 #include "server/worker/task/task_run.h"
 

@@ -49,7 +49,7 @@ constexpr int64_t kMeshBytes = 384;
 // Voxels with an outer face in a tile: a surface that crosses it twice, a guess.
 constexpr int64_t kTileSurfaceVoxels = int64_t{2} * limits::kTileSide * limits::kTileSide;
 
-// Order and errors of the voxels that are diffused at once (server/grid/palette_entries.cpp).
+// Order and errors of the voxels that are diffused at once (server/grid/color/palette_entries.cpp).
 int64_t dither_bytes(int64_t voxels, const OutputOptions& output) {
   constexpr int64_t kDiffusedBytes = 20;
   if (output.dither != Dither::kError) return 0;

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"

@@ -10,7 +10,7 @@
 #include "proto/messages/json_fields.h"
 #include "proto/messages/task_api.h"
 #include "server/base/algorithm_version.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/log.h"
 #include "server/grid/tile_source.h"
 

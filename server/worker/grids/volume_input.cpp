@@ -8,7 +8,7 @@
 
 #include "proto/container/distance_unit.h"
 #include "server/base/algorithm_version.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
 #include "server/volumes/volume.h"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "proto/messages/bundle_manifest.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/scene/load.h"
 
 namespace voxeld {

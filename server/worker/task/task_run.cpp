@@ -7,7 +7,7 @@
 
 #include "proto/messages/bundle_manifest.h"
 #include "server/base/cancel_point.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/worker/mesh/inspect.h"
 
 namespace voxeld {

@@ -1,4 +1,4 @@
-"""What a client waits for: one-shot requests and previews on one kept connection.
+"""Times that a client waits: one-shot requests and previews on one kept connection.
 
 Rows as in measures.py; ms is measured at the client, from the request's first byte to the response's last.
 """

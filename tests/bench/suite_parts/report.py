@@ -88,7 +88,7 @@ layout("thesis", "The thesis's table", ("scene", "settings"), "who",
        "Frames per second: a frame is a mesh in memory made to voxels, at 256 (128 with --quick).")
 layout("floors", "Floors of pipeline cpu", ("scene", "who"), "size", floor_cell,
        "Milliseconds: measured; floor of a dense grid (measured is so many times it); of sparse bricks "
-       "(likewise); of operations. What a floor counts stands in suite_parts/derived.py.")
+       "(likewise); of operations. suite_parts/derived.py defines the floors.")
 
 
 def skip_notes(rows):

@@ -9,7 +9,7 @@
 #include <map>
 #include <random>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/scene/load.h"

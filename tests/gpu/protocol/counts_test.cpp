@@ -1,4 +1,4 @@
-// What a warm job asks of the device: dispatches, waits and bytes. The limits are what the passes
+// Dispatches, waits and bytes that a warm job asks of the device. The limits are what the passes
 // need now, so that a change that makes a device wait more often is seen; one that needs less
 // lowers them. The table is in tests/bench/README.md, too.
 #include <gtest/gtest.h>

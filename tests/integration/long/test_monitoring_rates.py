@@ -1,4 +1,4 @@
-"""What a Prometheus with the shipped configuration, which scrapes a daemon, has for the dashboard and the alerts."""
+"""Series for the dashboard and the alerts of a Prometheus with the shipped configuration that scrapes a daemon."""
 import http.client
 import json
 import pathlib

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {

@@ -8,7 +8,7 @@
 
 #include "server/api/accept.h"
 #include "server/api/web_files.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {

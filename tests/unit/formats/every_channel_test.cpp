@@ -9,7 +9,7 @@
 #include "server/formats/formats.h"
 #include "server/formats/npy/npy_array.h"
 #include "server/grid/content_hash.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "proto/container/grid_streams.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
 #include "tests/unit/formats/sample_frames.h"

@@ -1,4 +1,4 @@
-#include "server/grid/palette_entries.h"
+#include "server/grid/color/palette_entries.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <initializer_list>
 #include <map>
 
-#include "server/grid/oklab.h"
+#include "server/grid/color/oklab.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

@@ -107,7 +107,7 @@ class ReadSequence(SameRows, unittest.TestCase):
         self.assert_array(array, rows, np.ones((len(rows), 1)))
 
     def vox_rows(self, name, frame, dims):
-        """Of the text: cells as .vox has them, and colours."""
+        """Rows of the text: cells as .vox has them, and colours."""
         rows = self.expected(name, frame)
         x, y, z = rows[:, 0], rows[:, 1], rows[:, 2]
         return np.stack([x - dims[0] // 2, dims[2] - 1 - z - dims[2] // 2, y, *rows[:, 3:6].T], 1)

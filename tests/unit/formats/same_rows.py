@@ -1,4 +1,4 @@
-"""What the tests of the documentation's readers compare."""
+"""A comparison of voxels for the tests of the documentation's readers."""
 import numpy as np
 
 

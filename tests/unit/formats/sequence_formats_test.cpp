@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/formats/npy/npy_array.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_frames.h"
 
 namespace voxeld {

@@ -245,7 +245,7 @@ def read_size(bit):
 
 
 class Voxel:
-    """What is known before a voxel's samples are: those of its coded neighbours."""
+    """Facts that are known before a voxel's samples are: the samples of its coded neighbours."""
 
     def __init__(self, cell, samples, errors, before, components, middle):
         known = []

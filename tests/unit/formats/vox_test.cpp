@@ -1,4 +1,4 @@
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/vox_reader.h"
 
 #include <algorithm>

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "server/grid/oklab.h"
+#include "server/grid/color/oklab.h"
 #include "server/grid/region.h"
 #include "tests/unit/grid/grid_cells.h"
 

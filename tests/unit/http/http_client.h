@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/base/comes_true.h"
 
 namespace voxeld::testing {

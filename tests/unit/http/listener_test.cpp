@@ -1,4 +1,4 @@
-#include "server/http/listener.h"
+#include "server/http/sockets/listener.h"
 
 #include <gtest/gtest.h>
 #include <netinet/in.h>

@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/http/http_server.h"
 #include "server/http/message/body_decoder.h"
 #include "server/store/held_files.h"

@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "server/base/check.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 
 namespace voxeld::testing {

@@ -31,7 +31,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "proto/limits.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/render/plain_images.h"
 

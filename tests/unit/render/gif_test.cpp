@@ -6,7 +6,7 @@
 #include <string>
 
 #include "server/base/cancel_point.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/render/animated_image.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/render/plain_images.h"

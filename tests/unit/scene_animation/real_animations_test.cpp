@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/scene/zip_maker.h"
 #include "tests/unit/scene_animation/animation_fixtures.h"
 

@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/scene_gltf/gltf_builder.h"
 
 namespace voxeld {

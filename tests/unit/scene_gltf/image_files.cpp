@@ -15,7 +15,7 @@
 #include <jpeglib.h>
 
 #include "server/base/check.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/scene/images/image.h"
 #include "tests/unit/base/temporary_dir.h"
 

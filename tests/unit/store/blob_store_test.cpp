@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "tests/unit/base/temporary_dir.h"
 

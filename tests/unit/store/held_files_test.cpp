@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

@@ -4,7 +4,7 @@
 #include <string_view>
 #include <utility>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 
 namespace voxeld::testing {

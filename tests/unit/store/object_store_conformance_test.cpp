@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/store/blob_store.h"
 #include "server/store/object_store.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

@@ -19,7 +19,7 @@
 #include "server/formats/formats.h"
 #include "server/volumes/volume.h"
 #include "server/volumes/volume_files.h"
-#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld {
 namespace {

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/scene/load.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/voxelize.h"

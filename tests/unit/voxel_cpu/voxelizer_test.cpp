@@ -14,7 +14,7 @@
 
 #include <glm/geometric.hpp>
 
-#include "server/grid/color_tables.h"
+#include "server/grid/color/color_tables.h"
 
 namespace voxeld {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "proto/container/grid_format.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/worker/run_task.h"
 #include "tests/unit/base/temporary_dir.h"

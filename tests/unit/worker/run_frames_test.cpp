@@ -14,7 +14,7 @@
 #include "proto/container/sequence_format.h"
 #include "proto/messages/sequence.h"
 #include "server/base/algorithm_version.h"
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/base/sha256.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/grid.h"
@@ -63,7 +63,7 @@ class FramesTest : public ::testing::Test {
     return task;
   }
 
-  // Which is of a checksum.
+  // The last byte is part of a checksum.
   static void break_last_byte(const fs::path& path) {
     std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
     file.seekg(-1, std::ios::end);

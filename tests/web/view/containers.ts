@@ -1,4 +1,4 @@
-// What voxeld_web_containers made (make_containers.cpp).
+// The files that voxeld_web_containers made (make_containers.cpp).
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 

@@ -126,7 +126,7 @@ function clipFromView(
   ];
 }
 
-/** What puts the image of the points into the middle: clip positions times scale, plus shift. */
+/** Puts the image of the points into the middle: clip positions times scale, plus shift. */
 interface Fit {
   readonly scale: number;
   readonly shift: readonly [number, number];

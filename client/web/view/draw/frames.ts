@@ -23,7 +23,7 @@ export function restQuality(size: Size, transparent: boolean): Quality {
   return { light: true, samples, transparent };
 }
 
-/** What frames show. */
+/** The subject of frames. */
 export interface Scene {
   params(quality: Quality, size: Size): ArrayBuffer | null;
   variant(quality: Quality): Variant;

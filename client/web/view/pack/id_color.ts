@@ -1,4 +1,4 @@
-// Colours of ids, those of server/grid/id_color.cpp.
+// Colours of ids, those of server/grid/color/id_color.cpp.
 
 /** The colour word of voxels without an id: R | G << 8 | B << 16 | A << 24. */
 const NEUTRAL = 0xffb4b4b4;

@@ -75,7 +75,7 @@ export function meanNormal(words: Uint32Array, first: number, count: number): nu
 
 /**
  * The mean of all voxels' colours as sRGB, weighted by alpha; null if all of it is 0. Integers as in
- * server/grid/mean_color.cpp.
+ * server/grid/color/mean_color.cpp.
  */
 export function meanOfAll(words: Uint32Array, count: number): [number, number, number] | null {
   const table = linearTable(1 << 20),

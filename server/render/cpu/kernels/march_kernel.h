@@ -33,8 +33,8 @@ struct MarchRays {
   alignas(64) Each<float> t_max;
   alignas(64) Each<int32_t> steps_max;
 
-  // Of the hit: its distance, negative if there is none; where there is one, its first cell, and
-  // the axis of the face through which the ray came, -1: it began inside.
+  // The distance of the hit, negative if there is none; its first cell; and the axis of the face
+  // through which the ray came, -1: it began inside.
   alignas(64) Each<float> t;
   alignas(64) std::array<Each<int32_t>, 3> hit;
   alignas(64) Each<int32_t> axis;

@@ -11,8 +11,8 @@ constexpr double kDispatchNs = 50e6;
 constexpr double kSlowColumnNs = 4, kSlowAttributeColumnNs = 40;
 // A fit may leave a term out that the samples do not show. No GPU is as fast as this.
 constexpr double kColumnNsMin = 1e-3;
-// The average is that of some triangles, and a mesh may be made so that they mislead. What an item
-// or triangle is taken for is at least this part of the most, so that a dispatch then lasts some
+// The average is that of some triangles, and a mesh may be made so that they mislead. The estimate
+// for an item or triangle is at least this part of the most, so that a dispatch then lasts some
 // 0.4 s, still less than what a watchdog waits for.
 constexpr double kItemPartMin = 1.0 / 8, kTriangleColumnsMin = 8;
 constexpr double kGroupItems = 64;

@@ -36,7 +36,7 @@ class TileDevice {
   void read_mask(uint64_t blocks, std::span<uint32_t> out) const;
 
   // Bind triangles, items, mask and parameters, and run. They set cell_max and the range
-  // (item_first and its like) in `params`. What would take too long is cut into several dispatches.
+  // (item_first and its like) in `params`. Work that would take too long is several dispatches.
   // Errors: cancelled, between two of them.
   Status run_items(const gpu::Program& program, size_t first, size_t count,
                    shared::VoxelizeParams params);

@@ -13,11 +13,11 @@
 
 namespace voxeld {
 
-// Finds nearest cells by exact squared distances of centres. Of equally near cells the one with the
-// lowest z wins, then y, then x. It is a feature transform along x, y, z in turn, each in linear
-// time (Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing distance transforms
-// in linear time"). It works on slabs as wide as a brick, so that memory grows with two sides of
-// the grid, not three.
+// Finds nearest cells by exact squared distances of centres. Among equally near cells the one with
+// the lowest z wins, then y, then x. It is a feature transform along x, y, z in turn, each in
+// linear time (Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing distance
+// transforms in linear time"). It works on slabs as wide as a brick, so that memory grows with two
+// sides of the grid, not three.
 class NearestCells {
  public:
   static constexpr int kWidth = limits::kBrickSide;

@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "server/jobs/database/sqlite_database.h"
 #include "server/store/blob_store.h"
 #include "tests/unit/base/temporary_dir.h"

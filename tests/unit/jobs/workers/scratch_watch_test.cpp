@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "server/base/directory.h"
+#include "server/base/disk/directory.h"
 #include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 

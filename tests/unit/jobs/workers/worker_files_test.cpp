@@ -13,7 +13,7 @@
 #include <string>
 #include <thread>
 
-#include "server/base/file.h"
+#include "server/base/disk/file.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
