@@ -7,6 +7,7 @@
 
 #include "proto/limits.h"
 #include "server/base/check.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -54,6 +55,7 @@ RenderImage begin_sheet(const SheetLayout& layout, const std::array<uint8_t, 4>&
   const size_t pixels = static_cast<size_t>(sheet.width) * static_cast<size_t>(sheet.height);
   sheet.rgba.reserve(4 * pixels);
   for (size_t i = 0; i < pixels; ++i) {
+    cancel_point_at(i);
     sheet.rgba.insert(sheet.rgba.end(), background.begin(), background.end());
   }
   return sheet;
@@ -68,6 +70,7 @@ void place_in_sheet(const SheetLayout& layout, size_t index, const RenderImage& 
   const size_t top = index / columns * static_cast<size_t>(layout.height);
   const size_t row_bytes = size_t{4} * static_cast<size_t>(image.width);
   for (size_t y = 0; y < static_cast<size_t>(image.height); ++y) {
+    cancel_point();
     std::copy_n(&image.rgba[y * row_bytes], row_bytes,
                 &sheet.rgba[4 * ((top + y) * static_cast<size_t>(sheet.width) + left)]);
   }

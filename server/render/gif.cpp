@@ -12,6 +12,7 @@
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/base/disk/file.h"
+#include "server/base/pieces.h"
 #include "server/render/animated_image.h"
 #include "server/render/gif_palette.h"
 
@@ -26,6 +27,7 @@ std::vector<uint8_t> opaque_rgb(const RenderImage& image) {
   std::vector<uint8_t> rgb;
   rgb.reserve(image.rgba.size() / 4 * 3);
   for (size_t i = 0; i < image.rgba.size(); i += 4) {
+    cancel_point_at(i);
     const unsigned alpha = image.rgba[i + 3];
     for (size_t c = i; c < i + 3; ++c) {
       rgb.push_back(

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -82,6 +83,7 @@ size_t split(std::vector<Sum>& cells, const Box& box) {
 std::vector<Color> median_cut(std::span<const uint8_t> rgb) {
   std::vector<Sum> histogram(kCellCount);
   for (size_t i = 0; i < rgb.size(); i += 3) {
+    cancel_point_at(i);
     const Color color{rgb[i], rgb[i + 1], rgb[i + 2]};
     histogram[cell_of(color)].add(color);
   }
@@ -181,6 +183,7 @@ std::optional<IndexedImage> keep_colors(std::span<const uint8_t> rgb) {
   std::vector<Color> colors;
   Color last{};
   for (size_t i = 0; i < rgb.size(); i += 3) {
+    cancel_point_at(i);
     const Color color{rgb[i], rgb[i + 1], rgb[i + 2]};
     if (i > 0 && color == last) continue;
     last = color;
@@ -191,6 +194,7 @@ std::optional<IndexedImage> keep_colors(std::span<const uint8_t> rgb) {
   }
   image.indices.reserve(rgb.size() / 3);
   for (size_t i = 0; i < rgb.size(); i += 3) {
+    cancel_point_at(i);
     const Color color{rgb[i], rgb[i + 1], rgb[i + 2]};
     const auto at = std::lower_bound(colors.begin(), colors.end(), color);
     image.indices.push_back(static_cast<uint8_t>(at - colors.begin()));

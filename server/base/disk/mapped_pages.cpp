@@ -10,7 +10,7 @@ void drop_mapped_pages(std::span<const uint8_t> bytes) {
   const size_t before = (page - reinterpret_cast<uintptr_t>(bytes.data()) % page) % page;
   if (before >= bytes.size()) return;
   const size_t whole = (bytes.size() - before) / page * page;
-  // MADV_DONTNEED would zero anonymous private memory.
+  // MADV_DONTNEED zeros anonymous private memory.
   (void)::madvise(const_cast<uint8_t*>(bytes.data()) + before, whole, MADV_DONTNEED);
 }
 

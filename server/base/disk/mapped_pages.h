@@ -1,4 +1,4 @@
-// Releases the resident pages of a mapped file.
+// Releases the resident pages of a mapped file, or of memory that is no longer needed.
 #pragma once
 
 #include <cstdint>
@@ -7,8 +7,7 @@
 namespace voxeld {
 
 // Releases whole pages of read-only mapped bytes; a later read loads them from the file again. For
-// readers of files larger than memory. Only for bytes of a mapped file: other memory would lose its
-// contents.
+// readers of files larger than memory. Other memory loses its contents, so it must be freed next.
 void drop_mapped_pages(std::span<const uint8_t> bytes);
 
 }  // namespace voxeld

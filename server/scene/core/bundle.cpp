@@ -9,6 +9,7 @@
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld {
@@ -54,7 +55,7 @@ class FilesBundle final : public Bundle {
     const auto found = resolve(reference, from);
     if (!found) return std::optional<std::vector<uint8_t>>();
     const std::span<const uint8_t> bytes = bytes_[found->index];
-    return std::optional<std::vector<uint8_t>>(std::in_place, bytes.begin(), bytes.end());
+    return std::optional(copied_in_pieces(bytes.data(), bytes.size()));
   }
 
  private:
@@ -333,12 +334,13 @@ class ZipBundle final : public Bundle {
                        "at most " + std::to_string(inflated_max) + " bytes to inflate in all",
                        std::to_string(inflated_bytes_));
     }
-    std::vector<uint8_t> bytes(declared);
+    std::vector<uint8_t> bytes;
+    bytes.reserve(declared);
     size_t read = 0;
     while (read < declared) {
       cancel_point();
-      const zip_int64_t count =
-          zip_fread(file.get(), bytes.data() + read, std::min(declared - read, kBytesAtOnce));
+      bytes.resize(read + std::min(declared - read, kBytesAtOnce));
+      const zip_int64_t count = zip_fread(file.get(), bytes.data() + read, bytes.size() - read);
       if (count < 0) return malformed(where + ": " + read_error(file.get()));
       if (count == 0) break;
       read += static_cast<size_t>(count);

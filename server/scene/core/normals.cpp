@@ -1,10 +1,13 @@
 #include "server/scene/core/normals.h"
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 
 void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,
                     std::span<glm::vec3> normals) {
   for (size_t i = 0; i + 2 < indices.size() && !normals.empty(); i += 3) {
+    cancel_point();
     const uint32_t* corner = &indices[i];
     for (int c = 0; c < 3; ++c) {
       if (normals[corner[c]] != glm::vec3(0.0f)) continue;

@@ -2,6 +2,7 @@
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/triangulate.h"
 
@@ -13,7 +14,9 @@ std::vector<T> gathered(const std::vector<T>& values, const std::vector<uint32_t
   std::vector<T> out;
   if (values.empty()) return out;
   out.reserve(indices.size());
-  for (const uint32_t index : indices) out.push_back(values[index]);
+  in_pieces(indices.size(), kPieceElements<T>, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) out.push_back(values[indices[i]]);
+  });
   return out;
 }
 
@@ -27,7 +30,7 @@ Status PolygonSink::add_face(std::span<const uint32_t> corners, MeshPart& part,
     return over_limit(name_, "", "too many triangles", limits::kTrianglesMax, triangle_count_);
   }
   if (corners.size() == 3) {
-    part.indices.insert(part.indices.end(), corners.begin(), corners.end());
+    for (const uint32_t corner : corners) push_in_pieces(part.indices, corner);
     if (local != nullptr) local->insert(local->end(), {0, 1, 2});
     return {};
   }
@@ -35,7 +38,7 @@ Status PolygonSink::add_face(std::span<const uint32_t> corners, MeshPart& part,
   for (const uint32_t corner : corners) points_.push_back(part.positions[corner]);
   triangles_.clear();
   triangulate_polygon(points_, triangles_);
-  for (const uint32_t corner : triangles_) part.indices.push_back(corners[corner]);
+  for (const uint32_t corner : triangles_) push_in_pieces(part.indices, corners[corner]);
   if (local != nullptr) local->insert(local->end(), triangles_.begin(), triangles_.end());
   return {};
 }
@@ -48,8 +51,7 @@ MeshPart unshared(const MeshPart& part) {
   out.normals = gathered(part.normals, part.indices);
   out.uvs = gathered(part.uvs, part.indices);
   out.colors = gathered(part.colors, part.indices);
-  out.indices.resize(part.indices.size());
-  for (uint32_t i = 0; i < out.indices.size(); ++i) out.indices[i] = i;
+  out.indices = numbers_in_pieces(part.indices.size());
   return out;
 }
 
@@ -57,7 +59,10 @@ MeshPart with_triangle_colors(const MeshPart& part, std::span<const glm::vec4> t
   MeshPart out = unshared(part);
   out.colors.clear();
   out.colors.reserve(out.positions.size());
-  for (const glm::vec4& color : triangle_colors) out.colors.insert(out.colors.end(), 3, color);
+  for (const glm::vec4& color : triangle_colors) {
+    cancel_point();
+    out.colors.insert(out.colors.end(), 3, color);
+  }
   return out;
 }
 

@@ -1,5 +1,7 @@
 #include "server/scene/core/scene.h"
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 
 size_t Scene::triangle_count() const {
@@ -17,7 +19,10 @@ size_t Scene::vertex_count() const {
 Box3d Scene::bounds() const {
   Box3d box;
   for (const MeshPart& part : parts) {
-    for (const uint32_t index : part.indices) box.add(part.positions[index]);
+    for (const uint32_t index : part.indices) {
+      cancel_point();
+      box.add(part.positions[index]);
+    }
   }
   return box;
 }

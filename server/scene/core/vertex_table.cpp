@@ -4,6 +4,9 @@
 #include <bit>
 #include <random>
 
+#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
+
 namespace voxeld {
 namespace {
 
@@ -37,24 +40,26 @@ uint64_t process_seed() {
 }  // namespace
 
 template <size_t kWords>
-BasicVertexTable<kWords>::BasicVertexTable(size_t expected_count)
-    : slots_(std::max(kFirstSlots, std::bit_ceil(2 * std::min(expected_count, kExpectedMax) + 1)),
-             Slot{{}, kEmpty}) {}
+BasicVertexTable<kWords>::BasicVertexTable(size_t expected_count) {
+  resize_in_pieces(
+      slots_, std::max(kFirstSlots, std::bit_ceil(2 * std::min(expected_count, kExpectedMax) + 1)),
+      Slot{{}, kEmpty});
+}
 
 template <size_t kWords>
-size_t BasicVertexTable<kWords>::start_of(const Key& key) const {
+size_t BasicVertexTable<kWords>::start_of(const Key& key, size_t slot_count) {
   uint64_t hash = process_seed();
   for (size_t i = 0; i < kWords; i += 2) {
     const uint64_t high = i + 1 < kWords ? key[i + 1] : 0;
     hash = mix(hash ^ (high << 32 | key[i]));
   }
-  return hash & (slots_.size() - 1);
+  return hash & (slot_count - 1);
 }
 
 template <size_t kWords>
 std::pair<uint32_t, bool> BasicVertexTable<kWords>::find_or_add(const Key& key, uint32_t value) {
   if (2 * (count_ + 1) > slots_.size()) grow();
-  for (size_t at = start_of(key);; at = (at + 1) & (slots_.size() - 1)) {
+  for (size_t at = start_of(key, slots_.size());; at = (at + 1) & (slots_.size() - 1)) {
     Slot& slot = slots_[at];
     if (slot.value == kEmpty) {
       slot = {key, value};
@@ -67,14 +72,16 @@ std::pair<uint32_t, bool> BasicVertexTable<kWords>::find_or_add(const Key& key, 
 
 template <size_t kWords>
 void BasicVertexTable<kWords>::grow() {
-  std::vector<Slot> old(2 * slots_.size(), Slot{{}, kEmpty});
-  old.swap(slots_);
-  for (const Slot& slot : old) {
+  std::vector<Slot> larger;
+  resize_in_pieces(larger, 2 * slots_.size(), Slot{{}, kEmpty});
+  for (const Slot& slot : slots_) {
+    cancel_point();
     if (slot.value == kEmpty) continue;
-    size_t at = start_of(slot.key);
-    while (slots_[at].value != kEmpty) at = (at + 1) & (slots_.size() - 1);
-    slots_[at] = slot;
+    size_t at = start_of(slot.key, larger.size());
+    while (larger[at].value != kEmpty) at = (at + 1) & (larger.size() - 1);
+    larger[at] = slot;
   }
+  slots_.swap(larger);
 }
 
 template class BasicVertexTable<4>;

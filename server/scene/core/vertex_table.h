@@ -29,7 +29,7 @@ class BasicVertexTable {
   };
   static constexpr uint32_t kEmpty = UINT32_MAX;
 
-  size_t start_of(const Key& key) const;
+  static size_t start_of(const Key& key, size_t slot_count);
   void grow();
 
   std::vector<Slot> slots_;  // a power of two

@@ -7,6 +7,8 @@
 
 #include "proto/limits.h"
 #include "proto/number_text.h"
+#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/draco.h"
 #include "server/scene/gltf/meshopt.h"
@@ -232,8 +234,8 @@ Status Accessors::decode(const Primitive& primitive, const std::string& path) {
                                         std::move(attribute.values)};
   }
   if (has_indices) {
-    std::vector<uint8_t> bytes(mesh.indices.size() * sizeof(uint32_t));
-    std::memcpy(bytes.data(), mesh.indices.data(), bytes.size());
+    auto bytes = copied_in_pieces(reinterpret_cast<const uint8_t*>(mesh.indices.data()),
+                                  mesh.indices.size() * sizeof(uint32_t));
     decoded_accessors_[primitive.indices] = {view, kU32, std::move(bytes)};
   }
   return {};
@@ -344,8 +346,10 @@ Status Accessors::fill_sparse(int index, const std::string& path, Elements& elem
                   view_range(sparse.value_view, sparse.value_offset_bytes,
                              sparse.count * element_bytes, path + ".sparse.values"));
     filled_bytes_ += bytes;
-    std::vector<uint8_t> dense(bytes);
+    std::vector<uint8_t> dense;
+    resize_in_pieces(dense, bytes);
     for (uint64_t i = 0; i < elements.count && elements.data != nullptr; ++i) {
+      cancel_point();
       std::memcpy(&dense[i * element_bytes], elements.data + i * elements.stride_bytes,
                   element_bytes);
     }
@@ -354,6 +358,7 @@ Status Accessors::fill_sparse(int index, const std::string& path, Elements& elem
                            .stride_bytes = index_bytes,
                            .component_type = sparse.index_type};
     for (uint64_t i = 0; i < sparse.count; ++i) {
+      cancel_point();
       const uint32_t target = indices.index(i);
       if (target >= elements.count) {
         return document_.malformed(path + ".sparse.indices", "index out of range",

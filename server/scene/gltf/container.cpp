@@ -3,6 +3,7 @@
 #include <string>
 
 #include "proto/file_names/file_names.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 
@@ -71,8 +72,9 @@ std::optional<std::vector<uint8_t>> decode_base64(std::string_view text) {
   bytes.reserve(text.size() / 4 * 3 + 2);
   uint32_t bits = 0;
   int bit_count = 0;
-  for (const char c : text) {
-    const int digit = base64_digit(c);
+  for (size_t i = 0; i < text.size(); ++i) {
+    cancel_point_at(i);
+    const int digit = base64_digit(text[i]);
     if (digit < 0) return std::nullopt;
     bits = bits << 6 | static_cast<uint32_t>(digit);
     bit_count += 6;

@@ -5,11 +5,14 @@
 #include <charconv>
 #include <cmath>
 #include <glm/gtc/type_ptr.hpp>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/json_object.h"
 
@@ -336,6 +339,7 @@ using Names = std::set<std::string>;
 // Collects the members of every "extensions" outside extras. The recursion is at most
 // limits::kGltfJsonDepthMax deep.
 void add_used(const Json& value, Names& names) {
+  cancel_point();
   if (value.is_array()) {
     for (const Json& element : value) add_used(element, names);
   }
@@ -389,7 +393,8 @@ Status check_shape(std::string_view name, std::string_view text) {
   int depth = 0;
   size_t value_count = 1;
   bool in_string = false;
-  for (size_t i = 0; i < text.size(); ++i) {
+  for (size_t i = 0, step = 0; i < text.size(); ++i, ++step) {
+    cancel_point_at(step);
     const char c = text[i];
     if (in_string) {
       if (c == '\\') ++i;
@@ -426,10 +431,52 @@ std::string short_reason(std::string_view what) {
   return text;
 }
 
+// The characters of a text, with cancellation points between them: the parser reads all by one
+// call.
+class JsonText {
+ public:
+  using iterator_category = std::forward_iterator_tag;
+  using value_type = char;
+  using difference_type = ptrdiff_t;
+  using pointer = const char*;
+  using reference = const char&;
+
+  JsonText() = default;
+  explicit JsonText(const char* at) : at_(at) {}
+
+  reference operator*() const { return *at_; }
+  JsonText& operator++() {
+    ++at_;
+    cancel_point_at(++count_);
+    return *this;
+  }
+  JsonText operator++(int) {
+    const JsonText before = *this;
+    ++*this;
+    return before;
+  }
+  bool operator==(const JsonText& other) const { return at_ == other.at_; }
+
+ private:
+  const char* at_ = nullptr;
+  size_t count_ = 0;
+};
+
+// Frees the values of a tree one by one. Its destructor may take a second. The recursion is as deep
+// as that of add_used().
+void free_tree(Json& value) {
+  cancel_point();
+  if (auto* array = value.get_ptr<Json::array_t*>()) {
+    for (; !array->empty(); array->pop_back()) free_tree(array->back());
+  } else if (auto* object = value.get_ptr<Json::object_t*>()) {
+    for (; !object->empty(); object->erase(object->begin())) free_tree(object->begin()->second);
+  }
+}
+
 Result<Json> parse(std::string_view name, std::string_view text) {
   VOXELD_TRY(check_shape(name, text));
   try {
-    Json root = Json::parse(text.begin(), text.end());
+    Json root = Json::parse(JsonText(text.data()), JsonText(text.data() + text.size()));
     if (root.is_object()) return root;
     return malformed_mesh(name, "", "the JSON is no object", "{\"asset\": …}", root.type_name());
   } catch (const Json::parse_error& e) {
@@ -486,6 +533,7 @@ Status check_version(std::string_view name, const Json& root) {
 Status walk_nodes(Document& document) {
   std::vector<Node>& nodes = document.nodes;
   for (size_t i = 0; i < nodes.size(); ++i) {
+    cancel_point();
     for (const int child : nodes[i].children) {
       int& parent = nodes[child].parent;
       if (parent >= 0) {
@@ -505,6 +553,7 @@ Status walk_nodes(Document& document) {
     if (nodes[i].parent < 0) stack.push_back(i);
   }
   while (!stack.empty()) {
+    cancel_point();
     const int at = stack.back();
     stack.pop_back();
     Node& node = nodes[at];
@@ -556,6 +605,7 @@ Result<Document> read_document(std::string_view name, std::string_view json, boo
   document.name = name;
   Names extensions;
   VOXELD_TRY(read_members(name, root, with_animations, document, extensions));
+  free_tree(root);
   for (const std::string& extension : extensions) {
     if (is_read_extension(extension)) continue;
     add_warning(scene, "ignored-extension",

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 
 namespace voxeld::gltf {
 namespace {
@@ -71,10 +72,11 @@ template <typename T>
 bool copy_values(const draco::PointAttribute& from, uint64_t point_count, int component_count,
                  std::vector<uint8_t>& to) {
   const size_t element_bytes = sizeof(T) * static_cast<size_t>(component_count);
-  to.resize(point_count * element_bytes);
+  resize_in_pieces(to, point_count * element_bytes);
   if (!from.is_mapping_identity() && from.indices_map_size() < point_count) return false;
   T element[4];  // components are at most 4: see decode_attribute()
   for (uint64_t i = 0; i < point_count; ++i) {
+    cancel_point();
     const auto value = from.mapped_index(draco::PointIndex(static_cast<uint32_t>(i)));
     if (value.value() >= from.size()) return false;
     if (!from.ConvertValue<T>(value, static_cast<int8_t>(component_count), element)) return false;
@@ -154,6 +156,7 @@ Status decode_draco(const Document& document, const std::string& path,
   }
   mesh.indices.reserve(3 * mesh.triangle_count);
   for (uint32_t i = 0; i < from.num_faces(); ++i) {
+    cancel_point();
     for (const draco::PointIndex& corner : from.face(draco::FaceIndex(i))) {
       mesh.indices.push_back(corner.value());
     }

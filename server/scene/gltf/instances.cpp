@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "server/base/cancel_point.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/mesh_error.h"
 
@@ -70,6 +71,7 @@ Result<Instances> read_instances(const Document& document, Accessors& accessors,
   }
   Instances instances;
   for (uint64_t i = 0; i < *count; ++i) {
+    cancel_point();
     instances.node_from_instance.push_back(transform_of(columns, i).matrix());
     if (columns.color) instances.colors.push_back(color_of(*columns.color, i));
   }

@@ -27,6 +27,7 @@
 #include <vector>
 
 #include "proto/number_text.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/document.h"
 
@@ -114,7 +115,10 @@ class JsonObject {
                     std::to_string(from.size()));
       }
       to.reserve(from.size());
-      for (size_t i = 0; i < from.size(); ++i) read_at(i, from[i], to.emplace_back(), target);
+      for (size_t i = 0; i < from.size(); ++i) {
+        cancel_point();
+        read_at(i, from[i], to.emplace_back(), target);
+      }
     } else if (!from.is_object()) {
       wrong("an object", from);
     } else if constexpr (std::is_same_v<T, Attributes>) {

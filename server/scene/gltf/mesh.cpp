@@ -17,6 +17,7 @@
 #include "proto/limits.h"
 #include "proto/number_text.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/name_list.h"
@@ -138,14 +139,15 @@ class Vertices {
                                  "coordinates of at most 1e30 in size");
     }
     if (skin != nullptr) VOXELD_TRY(append_to_rig(source, matrices, index, *skin));
-    part.positions.push_back(position);
+    push_in_pieces(part.positions, position);
     if (source.normal) {
-      part.normals.push_back(direction_of(world_normal(world_from_mesh, normal)));
+      push_in_pieces(part.normals, direction_of(world_normal(world_from_mesh, normal)));
     }
     if (source.uv) {
-      part.uvs.push_back(transformed_uv(source.uv_transform, glm::dvec2(source.uv->vector(index))));
+      push_in_pieces(part.uvs,
+                     transformed_uv(source.uv_transform, glm::dvec2(source.uv->vector(index))));
     }
-    if (source.has_color()) part.colors.push_back(color_of(source, index));
+    if (source.has_color()) push_in_pieces(part.colors, color_of(source, index));
     return {};
   }
 
@@ -280,7 +282,7 @@ class Renumbering {
  public:
   Renumbering(uint64_t vertex_count, size_t corner_count)
       : is_dense_(vertex_count <= 8 * static_cast<uint64_t>(corner_count) + 1024) {
-    if (is_dense_) dense_.assign(vertex_count, kNone);
+    if (is_dense_) resize_in_pieces(dense_, vertex_count, kNone);
   }
   // The number of `vertex`, or `next` if it has none yet; second: whether it is new.
   std::pair<uint32_t, bool> number_of(uint32_t vertex, uint32_t next) {
@@ -409,6 +411,7 @@ class MeshLoader {
     const size_t first_corner = part.indices.size();
     VOXELD_TRY(add_corners(source, corners, part));
     for (size_t i = first_corner; i + 2 < part.indices.size() && is_mirrored; i += 3) {
+      cancel_point();
       std::swap(part.indices[i + 1], part.indices[i + 2]);
     }
     return {};
@@ -422,7 +425,7 @@ class MeshLoader {
       cancel_point();
       const auto next = static_cast<uint32_t>(part.positions.size());
       const auto [number, is_new] = renumbering.number_of(corner, next);
-      part.indices.push_back(number);
+      push_in_pieces(part.indices, number);
       if (!is_new) continue;
       if (++vertex_count_ > limits::kVerticesMax) {
         return over_limit(document_.name, source.path, "vertices of the scene",
@@ -464,6 +467,7 @@ class MeshLoader {
       if (primitive.mode == kFan) add(i + 1, i + 2, 0);
     }
     for (const uint32_t corner : corners) {
+      cancel_point();
       if (corner < vertex_count) continue;
       return document_.malformed(path + ".indices", "index out of range",
                                  index_text(vertex_count, "vertices"), std::to_string(corner));

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld::gltf {
@@ -109,7 +110,8 @@ Result<std::vector<uint8_t>> decode_meshopt(const Document& document, int index,
                               "at least " + std::to_string(least) + " bytes",
                               std::to_string(data.size()) + " bytes");
   }
-  std::vector<uint8_t> out(view.length_bytes);
+  std::vector<uint8_t> out;
+  resize_in_pieces(out, view.length_bytes);
   const int failed =
       kind->decode(out.data(), from.count, from.stride_bytes, data.data(), data.size());
   if (failed == kUnknownVersion) {

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/container.h"
 
@@ -62,7 +63,10 @@ int Textures::use_texture(int index, int opaque_from, const std::string& needed_
   found->second = load_image(texture.image, needed_by);
   if (opaque_from != kKeepsAlpha && found->second >= 0) {
     std::vector<uint8_t>& rgba = scene_.images[found->second].rgba;
-    for (size_t i = 3; i < rgba.size(); i += 4) rgba[i] = rgba[i] >= opaque_from ? 255 : 0;
+    for (size_t i = 3; i < rgba.size(); i += 4) {
+      cancel_point_at(i - 3);
+      rgba[i] = rgba[i] >= opaque_from ? 255 : 0;
+    }
   }
   return found->second;
 }
@@ -72,7 +76,7 @@ Result<std::optional<std::vector<uint8_t>>> Textures::image_bytes(const ImageSou
   if (image.uri.empty()) {
     if (image.view < 0) return Bytes();
     VOXELD_ASSIGN(const auto view, accessors_.view_bytes(image.view));
-    return Bytes(std::vector<uint8_t>(view.begin(), view.end()));
+    return Bytes(copied_in_pieces(view.data(), view.size()));
   }
   if (!is_data_uri(image.uri)) return bundle_.find(image.uri, document_.name);
   Bytes bytes = decode_data_uri(image.uri);

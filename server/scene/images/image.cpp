@@ -6,6 +6,7 @@
 #include <string>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/images/decoders.h"
@@ -89,12 +90,13 @@ Result<Image> begin_image(std::string_view name, int64_t width, int64_t height, 
               .width = static_cast<int>(width),
               .height = static_cast<int>(height),
               .rgba = {}};
-  image.rgba.resize(4 * static_cast<size_t>(width) * static_cast<size_t>(height));
+  resize_in_pieces(image.rgba, 4 * static_cast<size_t>(width) * static_cast<size_t>(height));
   return image;
 }
 
 void make_alpha_straight(std::span<uint8_t> rgba) {
   for (size_t i = 0; i + 4 <= rgba.size(); i += 4) {
+    cancel_point_at(i);
     const unsigned alpha = rgba[i + 3];
     if (alpha == 0 || alpha == 255) continue;
     for (size_t c = i; c < i + 3; ++c) {

@@ -63,6 +63,8 @@ class PngReader {
   static void on_warning(png_structp, png_const_charp) {}
   static void read_memory(png_structp png, png_bytep to, size_t count) {
     auto* reader = static_cast<PngReader*>(png_get_io_ptr(png));
+    // A call may read a whole chunk. It fails, and its caller throws.
+    if (is_cancelled()) png_error(png, "cancelled");
     if (count > reader->bytes_.size()) png_error(png, "the image is cut off");
     std::memcpy(to, reader->bytes_.data(), count);
     reader->bytes_ = reader->bytes_.subspan(count);
@@ -82,20 +84,25 @@ class PngReader {
   char message_[200] = {};
 };
 
+Error failed(std::string_view name, const PngReader& reader) {
+  cancel_point();
+  return malformed_image(name, reader.error());
+}
+
 }  // namespace
 
 Result<Image> decode_png(std::string_view name, std::span<const uint8_t> bytes,
                          PixelBudget* budget) {
   PngReader reader(bytes);
   const int passes = reader.read_header();
-  if (passes == 0) return malformed_image(name, reader.error());
+  if (passes == 0) return failed(name, reader);
   VOXELD_ASSIGN(Image image,
                 begin_image(name, reader.width(), reader.height(), bytes.size(), budget));
-  if (!reader.start()) return malformed_image(name, reader.error());
+  if (!reader.start()) return failed(name, reader);
   for (int pass = 0; pass < passes; ++pass) {
     for (int y = 0; y < image.height; ++y) {
       cancel_point();
-      if (!reader.read_row(image_row(image, y))) return malformed_image(name, reader.error());
+      if (!reader.read_row(image_row(image, y))) return failed(name, reader);
     }
   }
   return image;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/images/image.h"
@@ -44,6 +45,7 @@ uint8_t channel_of(const uint8_t* texel, char channel) {
 
 bool is_opaque(const Image& image) {
   for (size_t i = 3; i < image.rgba.size(); i += 4) {
+    cancel_point_at(i - 3);
     if (image.rgba[i] != 255) return false;
   }
   return true;
@@ -99,8 +101,12 @@ int TextureSet::with_opacity(int image, int opacity, char channel, std::string_v
     too_many(shown.name, needed_by);
     return image;
   }
-  Image made = shown;
-  if (image < 0) std::ranges::fill(made.rgba, uint8_t{255});
+  Image made{.name = shown.name, .width = shown.width, .height = shown.height, .rgba = {}};
+  if (image < 0) {
+    resize_in_pieces(made.rgba, shown.rgba.size(), uint8_t{255});
+  } else {
+    made.rgba = copied_in_pieces(shown.rgba.data(), shown.rgba.size());
+  }
   set_alpha(scene_.images[static_cast<size_t>(opacity)], channel, made);
   return found->second = add_image(scene_, std::move(made));
 }

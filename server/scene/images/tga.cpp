@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/images/decoders.h"
 
 namespace voxeld {
@@ -108,7 +109,7 @@ class Reader {
     VOXELD_TRY(need(fewest));
     Image image{
         .name = std::string(name_), .width = header_.width, .height = header_.height, .rgba = {}};
-    image.rgba.resize(4 * pixel_count);
+    resize_in_pieces(image.rgba, 4 * pixel_count);
     size_t done = 0;
     while (done < pixel_count) {
       cancel_point();

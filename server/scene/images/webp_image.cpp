@@ -10,7 +10,10 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kBytesAtOnce = size_t{1} << 16;  // between two cancellation points
+// Between two cancellation points: the bytes that so many pixels take on average, within bounds. A
+// lossless header that is not complete yet is decoded again with each piece.
+constexpr uint64_t kWebpPixelsAtOnce = uint64_t{1} << 18;
+constexpr uint64_t kWebpBytesMin = 1 << 10, kWebpBytesMax = 1 << 16;
 
 const char* text_of(VP8StatusCode status) {
   switch (status) {
@@ -45,12 +48,15 @@ Result<Image> decode_webp(std::string_view name, std::span<const uint8_t> bytes,
   const std::unique_ptr<WebPIDecoder, decltype(&WebPIDelete)> decoder(
       WebPINewRGB(MODE_RGBA, image.rgba.data(), image.rgba.size(), 4 * image.width), WebPIDelete);
   if (decoder == nullptr) return malformed_image(name, text_of(VP8_STATUS_OUT_OF_MEMORY));
-  // It reads from `bytes` itself and goes on where it ended. A lossless image may have all its
-  // pixels in one piece, which takes a second for the largest.
+  // It reads from `bytes` itself and goes on where it ended. A lossless image of one colour has all
+  // its pixels in the last byte, which takes 200 ms for the largest.
+  const auto pixels = static_cast<uint64_t>(image.width) * static_cast<uint64_t>(image.height);
+  const size_t at_once =
+      std::clamp(bytes.size() * kWebpPixelsAtOnce / pixels, kWebpBytesMin, kWebpBytesMax);
   VP8StatusCode status = VP8_STATUS_SUSPENDED;
   for (size_t end = 0; status == VP8_STATUS_SUSPENDED && end < bytes.size();) {
     cancel_point();
-    end = std::min(end + kBytesAtOnce, bytes.size());
+    end = std::min(end + at_once, bytes.size());
     status = WebPIUpdate(decoder.get(), bytes.data(), end);
   }
   if (status != VP8_STATUS_OK) return malformed_image(name, text_of(status));

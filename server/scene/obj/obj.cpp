@@ -15,6 +15,7 @@
 
 #include "proto/file_names/file_names.h"
 #include "proto/text_file.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
@@ -44,7 +45,7 @@ class ObjLoader {
         bundle_(bundle),
         textures_(scene_, bundle, std::string(name), options),
         sink_(name),
-        table_(file_.positions.size()) {}
+        table_(std::min(file_.positions.size(), file_.corners.size())) {}
 
   Result<Scene> load() {
     scene_.format = "obj";
@@ -68,6 +69,12 @@ class ObjLoader {
       corner += face.corner_count;
     }
     assume_texture();
+    free_in_pieces(file_.positions);
+    free_in_pieces(file_.colors);
+    free_in_pieces(file_.uvs);
+    free_in_pieces(file_.normals);
+    free_in_pieces(file_.corners);
+    free_in_pieces(file_.faces);
     scene_.nodes = scene_.meshes;
     scene_.parts_merged = file_.names_dropped;
     return std::move(scene_);
@@ -265,10 +272,10 @@ class ObjLoader {
     const auto next = static_cast<uint32_t>(part.positions.size());
     const auto [index, is_new] = table_.find_or_add({corner.v, vt, vn, last_part_}, next);
     if (!is_new) return index;
-    part.positions.push_back(file_.positions[corner.v]);
-    if (key.has_uv) part.uvs.push_back(texel_uv(file_.uvs[vt], maps_[last_part_]));
-    if (key.has_normal) part.normals.push_back(glm::normalize(file_.normals[vn]));
-    if (!file_.colors.empty()) part.colors.push_back(vertex_color(corner.v));
+    push_in_pieces(part.positions, file_.positions[corner.v]);
+    if (key.has_uv) push_in_pieces(part.uvs, texel_uv(file_.uvs[vt], maps_[last_part_]));
+    if (key.has_normal) push_in_pieces(part.normals, glm::normalize(file_.normals[vn]));
+    if (!file_.colors.empty()) push_in_pieces(part.colors, vertex_color(corner.v));
     return next;
   }
 

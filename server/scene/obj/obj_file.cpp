@@ -10,6 +10,7 @@
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 
@@ -99,6 +100,7 @@ class ObjReader {
     if (!take_continuation(line)) return line;
     joined_.clear();
     do {
+      cancel_point();
       joined_.append(line).append(" ");
       line = left_.empty() ? std::string_view() : next_physical_line();
     } while (take_continuation(line));
@@ -203,15 +205,15 @@ class ObjReader {
     Dropped bad;
     VOXELD_ASSIGN(const size_t count, read_numbers(line, "vertex", 3, 3, n, bad));
     VOXELD_TRY(check_count("too many vertices", file_.positions.size()));
-    file_.positions.emplace_back(n[0], n[1], n[2]);
+    push_in_pieces(file_.positions, {n[0], n[1], n[2]});
     if (count >= 6 && bad.count > 0 && bad_colors_.count++ == 0) bad_colors_.first = bad.first;
     if (count >= 6 && bad.count == 0) {
-      file_.colors.resize(file_.positions.size() - 1, glm::vec4(-1.0f));
+      resize_in_pieces(file_.colors, file_.positions.size() - 1, glm::vec4(-1.0f));
       const glm::vec4 color(n[3], n[4], n[5], count == 7 ? n[6] : 1.0);
-      file_.colors.push_back(color);
+      push_in_pieces(file_.colors, color);
       file_.color_max = std::max({file_.color_max, color.x, color.y, color.z});
     } else if (!file_.colors.empty()) {
-      file_.colors.emplace_back(-1.0f);
+      push_in_pieces(file_.colors, glm::vec4(-1.0f));
     }
     return {};
   }
@@ -220,7 +222,7 @@ class ObjReader {
     std::array<double, 2> n{};
     VOXELD_TRY(read_numbers(line, "texture coordinate", 1, 0, n, uv_.bad_values));
     VOXELD_TRY(check_count("too many texture coordinates", file_.uvs.size()));
-    file_.uvs.emplace_back(static_cast<float>(n[0]), static_cast<float>(n[1]));
+    push_in_pieces(file_.uvs, {static_cast<float>(n[0]), static_cast<float>(n[1])});
     return {};
   }
 
@@ -238,8 +240,8 @@ class ObjReader {
       normal_.bad_values.add(statement_line_, "", word.empty() ? "fewer numbers" : shown(word));
     }
     if (is_bad) n.fill(0.0);
-    file_.normals.emplace_back(static_cast<float>(n[0]), static_cast<float>(n[1]),
-                               static_cast<float>(n[2]));
+    push_in_pieces(file_.normals,
+                   {static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
     return {};
   }
 
@@ -305,7 +307,7 @@ class ObjReader {
         VOXELD_ASSIGN(corner.vn, read_attribute(vn, normal_, file_.normals.size()));
       }
     }
-    file_.corners.push_back(corner);
+    push_in_pieces(file_.corners, corner);
     return {};
   }
 
@@ -330,8 +332,8 @@ class ObjReader {
       return over_limit(name_, where(), "too many triangles", limits::kTrianglesMax,
                         triangle_count_);
     }
-    file_.faces.push_back(
-        {static_cast<uint32_t>(count), current_state(), static_cast<uint32_t>(statement_line_)});
+    push_in_pieces(file_.faces, {static_cast<uint32_t>(count), current_state(),
+                                 static_cast<uint32_t>(statement_line_)});
     return {};
   }
 
@@ -339,6 +341,7 @@ class ObjReader {
   Status check_corners() {
     ObjCorner* corner = file_.corners.data();
     for (const ObjFace& face : file_.faces) {
+      cancel_point();
       for (uint32_t i = 0; i < face.corner_count; ++i, ++corner) {
         if (corner->v >= file_.positions.size()) {
           return index_error(face.line, "vertex index", file_.positions.size(),

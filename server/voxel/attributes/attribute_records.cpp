@@ -10,6 +10,7 @@
 
 #include "server/base/floor.h"
 #include "server/base/parallel.h"
+#include "server/base/pieces.h"
 #include "server/voxel/attributes/mip_chain.h"
 #include "server/voxel/attributes/texture_period.h"
 #include "shaders/shared/attributes.h"
@@ -18,6 +19,8 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kTriangleGrain = 1 << 12;
+// Between two cancellation points; each may take kFlatTapsMax^2 taps.
+constexpr size_t kCancelTriangles = 64;
 // A sliver is longer than 2 voxels and thinner than a quarter of one, in the projection. Its
 // attributes vary along its longest side alone.
 constexpr int64_t kSliverLength = 512;  // 1/256 voxel
@@ -126,12 +129,14 @@ bool has_transparency(const Scene& scene) {
     if (material.base_color.a < 1.0f) return true;
   }
   for (const MeshPart& part : scene.parts) {
-    for (const glm::vec4& color : part.colors) {
-      if (color.a < 1.0f) return true;
+    for (size_t i = 0; i < part.colors.size(); ++i) {
+      cancel_point_at(i);
+      if (part.colors[i].a < 1.0f) return true;
     }
   }
   for (const Image& image : scene.images) {
     for (size_t i = 3; i < image.rgba.size(); i += 4) {
+      cancel_point_at(i - 3);
       if (image.rgba[i] != 255) return true;
     }
   }
@@ -270,6 +275,7 @@ void AttributeRecords::find_levels(int texture_side_max) {
                                               std::vector<ImageLevels>(scene_.images.size()));
   parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      if (t % kCancelTriangles == 0) cancel_point();
       // color=nearest needs the colour of a point, not of the whole triangle.
       const auto& vertices = mesh_.triangles[t].vertices;
       if (mode_ != ColorMode::kNearest &&
@@ -435,6 +441,7 @@ void AttributeRecords::fill(std::span<const uint32_t> triangles, const TileWindo
   words.assign(triangles.size() * ATTRIBUTE_WORDS, 0u);
   parallel_chunks(triangles.size(), kTriangleGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point_at(t);
       const auto& vertices = mesh_.triangles[triangles[t]].vertices;
       const CornerOrder order = corner_order(
           {mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]], mesh_.vertices[vertices[2]]});

@@ -7,6 +7,8 @@
 
 #include "server/base/cancel_point.h"
 #include "server/base/parallel.h"
+#include "server/base/pieces.h"
+#include "server/base/raw_vector.h"
 #include "server/grid/color/color_tables.h"
 
 namespace voxeld {
@@ -19,7 +21,7 @@ using Texel = std::array<uint16_t, 4>;
 
 struct LinearLevel {
   int width = 0, height = 0;
-  std::vector<Texel> texels;
+  RawVector<Texel> texels;
 };
 
 // The texels of the next larger level that one texel covers along an axis, and their weights.
@@ -104,7 +106,10 @@ int level_count(int width, int height) {
 
 std::vector<MipLevel> build_mip_levels(const Image& image, int first, int last) {
   std::vector<MipLevel> levels;
-  if (first == 0) levels.push_back({image.width, image.height, image.rgba});
+  if (first == 0) {
+    levels.push_back(
+        {image.width, image.height, copied_in_pieces(image.rgba.data(), image.rgba.size())});
+  }
   const auto& linear16 = linear16_from_srgb8();
   LinearLevel level;
   for (int number = 1; number <= last; ++number) {

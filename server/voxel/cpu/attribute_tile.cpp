@@ -73,7 +73,7 @@ int volume(const OctantBox& box) {
 void CpuAttributes::begin_job(const VoxelizePlan& plan) {
   plan_ = &plan;
   if (plan.textures_key != 0 && plan.textures_key == textures_key_) return;
-  textures_key_ = plan.textures_key;
+  textures_key_ = 0;  // until all are made
   textures_.assign(plan.scene.images.size(), {});
   for (size_t i = 0; i < textures_.size(); ++i) {
     const ImageLevels& used = plan.records->image_levels()[i];
@@ -81,6 +81,7 @@ void CpuAttributes::begin_job(const VoxelizePlan& plan) {
       textures_[i] = build_mip_levels(plan.scene.images[i], used.first, used.last);
     }
   }
+  textures_key_ = plan.textures_key;
 }
 
 void CpuAttributes::end_job() {

@@ -212,6 +212,7 @@ class Verdicts {
       return std::tuple(a.x, a.y, a.z) < std::tuple(b.x, b.y, b.z);
     };
     for (size_t t = 0; t < mesh.triangle_count(); ++t) {
+      cancel_point();
       // From the least on, so that sums do not depend on where a file's triangle begins.
       std::array<glm::ivec3, 3> of_triangle = mesh.corners(t);
       std::ranges::rotate(of_triangle, std::ranges::min_element(of_triangle, is_below));

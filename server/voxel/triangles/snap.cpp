@@ -11,6 +11,7 @@
 
 #include "server/base/floor.h"
 #include "server/base/parallel.h"
+#include "server/base/pieces.h"
 #include "server/voxel/triangles/clip.h"
 #include "server/voxel/triangles/split.h"
 
@@ -96,6 +97,7 @@ class TriangleSnapper {
   // For a chunk whose vertices are all in cells of the grid.
   void run_inside(size_t first, size_t last, ChunkOutput& out) const {
     for (size_t t = first; t < last; ++t) {
+      cancel_point_at(t);
       const uint32_t* index = &part_.indices[3 * t];
       out.whole[t - first] = {{base_ + index[0], base_ + index[1], base_ + index[2]}, part_index_};
     }
@@ -104,6 +106,7 @@ class TriangleSnapper {
 
   void run(size_t first, size_t last, ChunkOutput& out) const {
     for (size_t t = first; t < last && !out.not_finite && !out.too_many; ++t) {
+      cancel_point_at(t);
       const uint32_t* index = &part_.indices[3 * t];
       const std::array<uint32_t, 3> vertices = {base_ + index[0], base_ + index[1],
                                                 base_ + index[2]};
@@ -194,6 +197,7 @@ bool snap_vertices(const MeshPart& part, const WorldFromFile& world_from_file, c
   parallel_chunks(part.positions.size(), kVertexGrain, [&](size_t, size_t begin, size_t end) {
     glm::ivec3 low(0), high(0);
     for (size_t i = begin; i < end; ++i) {
+      cancel_point_at(i);
       const glm::dvec3 p = spec.grid_from_world(world_from_file(part.positions[i]));
       out[i] = inside_box(p, spec.dims) ? snapped(p, spec.dims) : glm::ivec3(kOutside, 0, 0);
       low = glm::min(low, out[i]);
@@ -227,8 +231,9 @@ Status check(const ChunkOutput& chunk, const MeshPart& part) {
 void append_pieces(const ChunkOutput& chunk, SnappedMesh& mesh) {
   const auto shift = static_cast<uint32_t>(mesh.clipped.size());
   for (SnappedTriangle piece : chunk.pieces) {
+    cancel_point();
     for (uint32_t& vertex : piece.vertices) vertex += shift;
-    mesh.triangles.push_back(piece);
+    push_in_pieces(mesh.triangles, piece);
   }
   mesh.clipped.insert(mesh.clipped.end(), chunk.clipped.begin(), chunk.clipped.end());
   mesh.vertices.insert(mesh.vertices.end(), chunk.clipped_q.begin(), chunk.clipped_q.end());
@@ -263,9 +268,11 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
 
 // 1 for each vertex of the part that a triangle uses, else 0.
 std::vector<uint8_t> used_vertices(const MeshPart& part) {
-  std::vector<uint8_t> used(part.positions.size());
+  std::vector<uint8_t> used;
+  resize_in_pieces(used, part.positions.size());
   parallel_chunks(part.indices.size(), 4 * kSnapGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
+      cancel_point_at(i);
       std::atomic_ref(used[part.indices[i]]).store(1, std::memory_order_relaxed);
     }
   });
@@ -294,6 +301,7 @@ Box3d world_bounds(const Scene& scene, const glm::dmat4& matrix) {
                     [&](size_t chunk, size_t begin, size_t end) {
                       Box3d own;
                       for (size_t i = begin; i < end; ++i) {
+                        cancel_point_at(i);
                         if (used[i] != 0) own.add(world_from_file(part.positions[i]));
                       }
                       boxes[chunk] = own;
@@ -343,6 +351,7 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, con
 
 void settle_faces(const glm::ivec3& dims, bool is_mirrored, SnappedMesh& mesh) {
   for (SnappedTriangle& triangle : mesh.triangles) {
+    cancel_point();
     const std::array<glm::ivec3, 3> corners = {mesh.vertices[triangle.vertices[0]],
                                                mesh.vertices[triangle.vertices[1]],
                                                mesh.vertices[triangle.vertices[2]]};

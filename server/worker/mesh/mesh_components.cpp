@@ -1,12 +1,12 @@
 #include "server/worker/mesh/mesh_components.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include <glm/geometric.hpp>
 #include <glm/vector_relational.hpp>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -24,15 +24,16 @@ struct Component {
 class Components {
  public:
   Components(std::span<const Corners> triangles, const std::vector<glm::dvec3>& positions)
-      : positions_(positions), root_(positions.size()) {
-    std::iota(root_.begin(), root_.end(), 0u);
+      : positions_(positions), root_(numbers_in_pieces(positions.size())) {
     for (const Corners& v : triangles) {
       cancel_point();
       join(v[0], v[1]);
       join(v[1], v[2]);
     }
-    std::vector<uint8_t> used(positions.size());
+    std::vector<uint8_t> used;
+    resize_in_pieces(used, positions.size());
     for (const Corners& v : triangles) {
+      cancel_point();
       for (const uint32_t vertex : v) used[vertex] = 1;
     }
     count_ = static_cast<int64_t>(std::ranges::count(used, uint8_t{1})) - joins_;
@@ -56,6 +57,7 @@ class Components {
   int64_t winding_number(const Component& component, const glm::dvec3& p) const {
     int64_t sum = 0;
     for (const Corners& v : of(component)) {
+      cancel_point();
       const double y0 = positions_[v[0]].y, y1 = positions_[v[1]].y, y2 = positions_[v[2]].y;
       if (std::min({y0, y1, y2}) > p.y || std::max({y0, y1, y2}) <= p.y) continue;
       sum += crossing(v, p);
@@ -106,29 +108,37 @@ class Components {
 
   void sort(std::span<const Corners> triangles) {
     constexpr uint32_t kNone = UINT32_MAX;
-    std::vector<uint32_t> number(root_.size(), kNone);
+    std::vector<uint32_t> number;
+    resize_in_pieces(number, root_.size(), kNone);
     for (const Corners& v : triangles) {
+      cancel_point();
       uint32_t& one = number[find(v[0])];
       if (one == kNone) {
         one = static_cast<uint32_t>(list_.size());
-        list_.emplace_back().vertex = positions_[v[0]];
+        push_in_pieces(list_, {});
+        list_.back().vertex = positions_[v[0]];
       }
       ++list_[one].count;
     }
     size_t total = 0;
     for (Component& component : list_) {
+      cancel_point();
       component.first = total;
       total += component.count;
     }
-    sorted_.resize(total);
+    resize_in_pieces(sorted_, total);
     std::vector<size_t> place;
     place.reserve(list_.size());
     for (const Component& component : list_) place.push_back(component.first);
-    for (const Corners& v : triangles) sorted_[place[number[find(v[0])]]++] = v;
+    for (const Corners& v : triangles) {
+      cancel_point();
+      sorted_[place[number[find(v[0])]]++] = v;
+    }
   }
 
   void measure(Component& component) {
     for (const Corners& v : of(component)) {
+      cancel_point();
       const glm::dvec3 a = positions_[v[0]] - component.vertex;
       component.volume += glm::dot(
           a, glm::cross(positions_[v[1]] - component.vertex, positions_[v[2]] - component.vertex));
@@ -145,6 +155,7 @@ class Components {
   static bool is_closed(std::span<const Corners> triangles) {
     uint64_t sum = 0;
     for (const Corners& v : triangles) {
+      cancel_point();
       for (size_t i = 0; i < 3; ++i) {
         const uint32_t from = v[i], to = v[(i + 1) % 3];
         uint64_t hash = uint64_t{std::min(from, to)} << 32 | std::max(from, to);

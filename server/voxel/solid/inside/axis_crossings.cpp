@@ -2,6 +2,8 @@
 
 #include <atomic>
 
+#include "server/base/pieces.h"
+
 namespace voxeld {
 
 void TileCrossings::set(std::span<const Crossing> crossings, int tiles) {
@@ -9,11 +11,17 @@ void TileCrossings::set(std::span<const Crossing> crossings, int tiles) {
   const auto tile_of = [](Crossing c) {
     return static_cast<size_t>(crossing_cell(c) / limits::kTileSide);
   };
-  for (const Crossing c : crossings) ++first_[tile_of(c) + 1];
+  for (size_t i = 0; i < crossings.size(); ++i) {
+    cancel_point_at(i);
+    ++first_[tile_of(crossings[i]) + 1];
+  }
   for (size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
-  sorted_.resize(crossings.size());
+  resize_in_pieces(sorted_, crossings.size());
   std::vector<size_t> place(first_.begin(), first_.end() - 1);
-  for (const Crossing c : crossings) sorted_[place[tile_of(c)]++] = c;
+  for (size_t i = 0; i < crossings.size(); ++i) {
+    cancel_point_at(i);
+    sorted_[place[tile_of(crossings[i])]++] = crossings[i];
+  }
 }
 
 AxisCrossings::AxisCrossings(const FillMesh& mesh, int axis, const glm::ivec3& dims,

@@ -2,8 +2,12 @@
 
 #include <algorithm>
 
+#include "server/base/pieces.h"
+
 namespace voxeld {
 namespace {
+
+constexpr size_t kCancelColumns = 64;  // between two cancellation points
 
 // The sort key of a column's crossings. Most columns have few, for which insertion is fastest.
 uint32_t height_key(Crossing c) {
@@ -28,14 +32,21 @@ void sort_column(Crossing* first, Crossing* last) {
 void ColumnWinding::set(std::span<const Crossing> crossings, const ColumnWindow& window) {
   const size_t columns = static_cast<size_t>(window.v_count) << 8;
   first_of_.assign(columns + 1, 0);
-  for (const Crossing c : crossings) ++first_of_[crossing_column(c) + 1];
+  for (size_t i = 0; i < crossings.size(); ++i) {
+    cancel_point_at(i);
+    ++first_of_[crossing_column(crossings[i]) + 1];
+  }
   for (size_t i = 0; i < columns; ++i) first_of_[i + 1] += first_of_[i];
-  sorted_.resize(crossings.size());
-  for (const Crossing c : crossings) sorted_[first_of_[crossing_column(c)]++] = c;
+  resize_in_pieces(sorted_, crossings.size());
+  for (size_t i = 0; i < crossings.size(); ++i) {
+    cancel_point_at(i);
+    sorted_[first_of_[crossing_column(crossings[i])]++] = crossings[i];
+  }
   // Shifted by one, every entry now says where its column begins.
   for (size_t i = columns; i > 0; --i) first_of_[i] = first_of_[i - 1];
   first_of_[0] = 0;
   for (size_t i = 0; i < columns; ++i) {
+    if (i % kCancelColumns == 0) cancel_point();
     if (first_of_[i + 1] - first_of_[i] > 1) {
       sort_column(sorted_.data() + first_of_[i], sorted_.data() + first_of_[i + 1]);
     }

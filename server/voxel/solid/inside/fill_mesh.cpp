@@ -7,6 +7,7 @@
 #include <glm/matrix.hpp>
 
 #include "server/base/parallel.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -44,13 +45,15 @@ FillMesh FillMesh::of(const Scene& scene, const glm::dmat4& world_from_file, con
     if (!mesh.triangles.empty()) fill.first_index_ = mesh.triangles.front().vertices.data();
     return fill;
   }
-  std::vector<glm::ivec3> vertices(scene.vertex_count());
+  std::vector<glm::ivec3> vertices;
+  resize_in_pieces(vertices, scene.vertex_count());
   std::vector<uint32_t> indices;
   indices.reserve(3 * scene.triangle_count());
   size_t base = 0;
   for (const MeshPart& part : scene.parts) {
     parallel_chunks(part.positions.size(), kVertexGrain, [&](size_t, size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
+        cancel_point_at(i);
         const glm::dvec3 p =
             spec.grid_from_world(glm::dvec3(world_from_file * glm::dvec4(part.positions[i], 1.0)));
         for (int axis = 0; axis < 3; ++axis) {
@@ -58,8 +61,10 @@ FillMesh FillMesh::of(const Scene& scene, const glm::dmat4& world_from_file, con
         }
       }
     });
-    for (const uint32_t index : part.indices)
+    for (const uint32_t index : part.indices) {
+      cancel_point();
       indices.push_back(static_cast<uint32_t>(base) + index);
+    }
     base += part.positions.size();
   }
   fill.own(std::move(vertices), std::move(indices));
@@ -80,8 +85,7 @@ FillMesh FillMesh::scaled(int bits) const {
 FillMesh FillMesh::of(std::vector<glm::ivec3> corners, int sub_voxel_bits) {
   FillMesh fill;
   fill.sub_voxel_bits_ = sub_voxel_bits;
-  std::vector<uint32_t> indices(corners.size());
-  for (size_t i = 0; i < indices.size(); ++i) indices[i] = static_cast<uint32_t>(i);
+  std::vector<uint32_t> indices = numbers_in_pieces(corners.size());
   fill.own(std::move(corners), std::move(indices));
   return fill;
 }

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <numeric>
 
 #include "server/base/parallel.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -37,8 +37,7 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
   const SweepAxes axes = sweep_axes(axis);
   const size_t triangles = mesh.triangle_count();
   if (count() == 1) {  // all triangles, without a test
-    list_.resize(triangles);
-    std::iota(list_.begin(), list_.end(), 0u);
+    list_ = numbers_in_pieces(triangles);
     first_.back() = triangles;
     return;
   }
@@ -63,6 +62,7 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
                                           std::vector<size_t>(count()));
   parallel_chunks(triangles, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point_at(t);
       for_each_column(t, [&](size_t column) { ++places[chunk][column]; });
     }
   });
@@ -76,9 +76,10 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
     }
   }
   first_[count()] = total;
-  list_.resize(total);
+  resize_in_pieces(list_, total);
   parallel_chunks(triangles, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point_at(t);
       for_each_column(
           t, [&](size_t column) { list_[places[chunk][column]++] = static_cast<uint32_t>(t); });
     }

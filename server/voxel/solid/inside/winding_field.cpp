@@ -9,6 +9,7 @@
 #include <glm/geometric.hpp>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -93,7 +94,8 @@ WindingField::WindingField(const std::vector<glm::ivec3>& triangles, int sub_vox
   const auto point = [](const glm::ivec3& q) { return glm::i64vec3(q) * int64_t{2} + int64_t{1}; };
   for (size_t i = 0; i + 2 < triangles.size(); i += 3) {
     const Triangle t = {point(triangles[i]), point(triangles[i + 1]), point(triangles[i + 2])};
-    if (t.a != t.c && t.b != t.c) triangles_.push_back(t);
+    cancel_point();
+    if (t.a != t.c && t.b != t.c) push_in_pieces(triangles_, t);
   }
   if (!triangles_.empty()) build(0, static_cast<uint32_t>(triangles_.size()));
 }
@@ -105,12 +107,12 @@ int64_t WindingField::bytes_for(int64_t triangles) {
 }
 
 uint32_t WindingField::build(uint32_t first, uint32_t count) {
-  cancel_point();
   const auto index = static_cast<uint32_t>(nodes_.size());
   Node node = {first, count, 0, glm::dvec3(0), glm::dvec3(0), 0, 0, 0};
   glm::dvec3 low(1e300), high(-1e300), weighted(0);
   const auto begin = triangles_.begin() + first, end = begin + count;
   for (auto t = begin; t != end; ++t) {
+    cancel_point();
     const glm::dvec3 a = to_double(t->a), b = to_double(t->b), c = to_double(t->c);
     const glm::dvec3 normal = 0.5 * glm::cross(b - a, c - a);
     const double area = glm::length(normal);
@@ -125,22 +127,24 @@ uint32_t WindingField::build(uint32_t first, uint32_t count) {
   }
   node.centre = node.area > 0 ? weighted / node.area : 0.5 * (low + high);
   for (auto t = begin; t != end; ++t) {
+    cancel_point();
     for (const glm::i64vec3& p : {t->a, t->b, t->c}) {
       node.radius = std::max(node.radius, glm::length(to_double(p) - node.centre));
     }
   }
-  nodes_.push_back(node);
+  push_in_pieces(nodes_, node);
   if (count <= kLeafTriangles) return index;
   const glm::dvec3 size = high - low;
   const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-  std::sort(begin, end, [axis](const Triangle& a, const Triangle& b) {
+  cancellable_sort(begin, end, [axis](const Triangle& a, const Triangle& b) {
     const int64_t middle_a = a.a[axis] + a.b[axis] + a.c[axis];
     const int64_t middle_b = b.a[axis] + b.b[axis] + b.c[axis];
+    if (middle_a != middle_b) return middle_a < middle_b;
     // Triangles that face the other way have the same order.
     const auto [a_low, a_high] = std::minmax({key_of(a.b), key_of(a.c)});
     const auto [b_low, b_high] = std::minmax({key_of(b.b), key_of(b.c)});
-    return std::tuple(middle_a, key_of(a.a), a_low, a_high, key_of(a.b)) <
-           std::tuple(middle_b, key_of(b.a), b_low, b_high, key_of(b.b));
+    return std::tuple(key_of(a.a), a_low, a_high, key_of(a.b)) <
+           std::tuple(key_of(b.a), b_low, b_high, key_of(b.b));
   });
   build(first, count / 2);
   const uint32_t second = build(first + count / 2, count - count / 2);
@@ -176,7 +180,8 @@ WindingField::Value WindingField::value(const glm::i64vec3& p, double half_diago
   std::array<uint32_t, 64> stack;
   size_t depth = 0;
   stack[depth++] = 0;
-  while (depth > 0) {
+  for (size_t step = 1; depth > 0; ++step) {
+    cancel_point_at(step);
     const uint32_t index = stack[--depth];
     const Node& node = nodes_[index];
     const glm::dvec3 offset = node.centre - at;
