@@ -71,6 +71,8 @@ function(voxeld_test name)
   cmake_parse_arguments(ARG "WHOLE;COMPUTES" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
+  # More sources would be fewer units than cores.
+  set_target_properties(${name} PROPERTIES UNITY_BUILD_BATCH_SIZE 12)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
   if(NOT ARG_COMPUTES)
     target_compile_options(${name} PRIVATE -O0 $<$<NOT:$<BOOL:${VOXELD_SANITIZE}>>:-g0>)
