@@ -25,7 +25,8 @@ extern constinit thread_local const CancelScope* cancel_scope;
 }  // namespace internal
 
 // Applies to the calling thread, and to those that share its loops (server/base/parallel.h). Other
-// threads that it starts have no scope. Scopes nest.
+// threads that it starts have no scope. Scopes nest: an inner one is cancelled where an outer one
+// is, and its points are also the outer's.
 class CancelScope {
  public:
   explicit CancelScope(const std::atomic<bool>& flag)
@@ -42,7 +43,8 @@ class CancelScope {
   bool pass_point() const {
     // Not one operation, which would cost more: where two threads count at once, one is lost.
     points_passed_.store(points_passed() + 1, std::memory_order_relaxed);
-    return flag_.load(std::memory_order_relaxed);
+    const bool is_outer_cancelled = outer_ != nullptr && outer_->pass_point();
+    return is_outer_cancelled || flag_.load(std::memory_order_relaxed);
   }
 
   const std::atomic<bool>& flag_;

@@ -21,6 +21,17 @@ TEST(CancelPoint, throws_once_the_scope_s_flag_is_set_and_not_without_a_scope) {
   EXPECT_NO_THROW(cancel_point());
 }
 
+TEST(CancelPoint, an_inner_scope_is_cancelled_where_the_outer_one_is) {
+  std::atomic<bool> outer_flag{false}, inner_flag{false};
+  const CancelScope outer(outer_flag);
+  const CancelScope inner(inner_flag);
+  const uint64_t passed = outer.points_passed();
+  EXPECT_NO_THROW(cancel_point());
+  EXPECT_GT(outer.points_passed(), passed);
+  outer_flag = true;
+  EXPECT_THROW(cancel_point(), Cancelled);
+}
+
 TEST(CancelPoint, ends_a_loop_that_threads_share) {
   std::atomic<bool> flag{false};
   const CancelScope scope(flag);
