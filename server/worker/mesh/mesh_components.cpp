@@ -33,6 +33,7 @@ class Components {
     }
     std::vector<uint8_t> used(positions.size());
     for (const Corners& v : triangles) {
+      cancel_point();
       for (const uint32_t vertex : v) used[vertex] = 1;
     }
     count_ = static_cast<int64_t>(std::ranges::count(used, uint8_t{1})) - joins_;
@@ -56,6 +57,7 @@ class Components {
   int64_t winding_number(const Component& component, const glm::dvec3& p) const {
     int64_t sum = 0;
     for (const Corners& v : of(component)) {
+      cancel_point();
       const double y0 = positions_[v[0]].y, y1 = positions_[v[1]].y, y2 = positions_[v[2]].y;
       if (std::min({y0, y1, y2}) > p.y || std::max({y0, y1, y2}) <= p.y) continue;
       sum += crossing(v, p);
@@ -108,6 +110,7 @@ class Components {
     constexpr uint32_t kNone = UINT32_MAX;
     std::vector<uint32_t> number(root_.size(), kNone);
     for (const Corners& v : triangles) {
+      cancel_point();
       uint32_t& one = number[find(v[0])];
       if (one == kNone) {
         one = static_cast<uint32_t>(list_.size());
@@ -124,11 +127,15 @@ class Components {
     std::vector<size_t> place;
     place.reserve(list_.size());
     for (const Component& component : list_) place.push_back(component.first);
-    for (const Corners& v : triangles) sorted_[place[number[find(v[0])]]++] = v;
+    for (const Corners& v : triangles) {
+      cancel_point();
+      sorted_[place[number[find(v[0])]]++] = v;
+    }
   }
 
   void measure(Component& component) {
     for (const Corners& v : of(component)) {
+      cancel_point();
       const glm::dvec3 a = positions_[v[0]] - component.vertex;
       component.volume += glm::dot(
           a, glm::cross(positions_[v[1]] - component.vertex, positions_[v[2]] - component.vertex));
@@ -145,6 +152,7 @@ class Components {
   static bool is_closed(std::span<const Corners> triangles) {
     uint64_t sum = 0;
     for (const Corners& v : triangles) {
+      cancel_point();
       for (size_t i = 0; i < 3; ++i) {
         const uint32_t from = v[i], to = v[(i + 1) % 3];
         uint64_t hash = uint64_t{std::min(from, to)} << 32 | std::max(from, to);

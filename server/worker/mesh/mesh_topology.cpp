@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "server/base/cancel_point.h"
+#include "server/base/in_pieces.h"
 #include "server/base/parallel.h"
 #include "server/base/raw_vector.h"
 #include "server/worker/mesh/mesh_components.h"
@@ -70,15 +71,20 @@ void count_edges_here(std::span<HalfEdge> edges, MeshTopology& topology) {
 void count_edges(std::span<const Corners> triangles, size_t position_count,
                  MeshTopology& topology) {
   // first[i + 1]: where the next edge of position i is written; afterwards, where its edges end.
-  std::vector<uint32_t> first(position_count + 2);
+  std::vector<uint32_t> first;
+  resize_in_pieces(first, position_count + 2);
   for_each_edge(triangles, [&](uint32_t low, HalfEdge) { ++first[low + 2]; });
-  for (size_t i = 2; i < first.size(); ++i) first[i] += first[i - 1];
+  for (size_t i = 2; i < first.size(); ++i) {
+    if (i % kCancelSteps == 0) cancel_point();
+    first[i] += first[i - 1];
+  }
   RawVector<HalfEdge> edges(3 * triangles.size());
   for_each_edge(triangles, [&](uint32_t low, HalfEdge edge) { edges[first[low + 1]++] = edge; });
   std::vector<MeshTopology> counts(chunk_count(position_count, kPositionGrain));
   parallel_chunks(position_count, kPositionGrain, [&](size_t chunk, size_t begin, size_t end) {
     MeshTopology count;
     for (size_t low = begin; low < end; ++low) {
+      cancel_point();
       count_edges_here(std::span(edges).subspan(first[low], first[low + 1] - first[low]), count);
     }
     counts[chunk] = count;
@@ -91,6 +97,16 @@ void count_edges(std::span<const Corners> triangles, size_t position_count,
   }
 }
 
+// 0 for each vertex that a triangle uses, else kNone.
+void mark_used(const MeshPart& part, std::vector<uint32_t>& used) {
+  used.clear();
+  resize_in_pieces(used, part.positions.size(), PositionNumbers::kNone);
+  for (size_t i = 0; i < part.indices.size(); ++i) {
+    if (i % kCancelSteps == 0) cancel_point();
+    used[part.indices[i]] = 0;
+  }
+}
+
 // Triangles as position numbers. Those that name a position twice are only counted.
 std::vector<Corners> number_corners(const Scene& scene, PositionNumbers& numbers,
                                     MeshTopology& topology) {
@@ -98,8 +114,7 @@ std::vector<Corners> number_corners(const Scene& scene, PositionNumbers& numbers
   triangles.reserve(scene.triangle_count());
   std::vector<uint32_t> of_vertex;
   for (const MeshPart& part : scene.parts) {
-    of_vertex.assign(part.positions.size(), PositionNumbers::kNone);
-    for (const uint32_t vertex : part.indices) of_vertex[vertex] = 0;
+    mark_used(part, of_vertex);
     numbers.number(part.positions, of_vertex);
     for (size_t corner = 0; corner + 2 < part.indices.size(); corner += 3) {
       cancel_point();
@@ -119,8 +134,8 @@ std::vector<Corners> number_corners(const Scene& scene, PositionNumbers& numbers
 
 int64_t distinct_positions(const MeshPart& part) {
   PositionNumbers numbers(std::min(part.positions.size(), part.indices.size()));
-  std::vector<uint32_t> used(part.positions.size(), PositionNumbers::kNone);
-  for (const uint32_t vertex : part.indices) used[vertex] = 0;
+  std::vector<uint32_t> used;
+  mark_used(part, used);
   numbers.number(part.positions, used);
   return static_cast<int64_t>(numbers.size());
 }

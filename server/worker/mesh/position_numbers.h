@@ -11,6 +11,9 @@
 
 #include <glm/vec3.hpp>
 
+#include "server/base/cancel_point.h"
+#include "server/base/in_pieces.h"
+
 namespace voxeld {
 
 // Numbers distinct positions in the order of their first use. An open-addressing table holds
@@ -20,8 +23,9 @@ class PositionNumbers {
   static constexpr uint32_t kNone = 0xffffffffu;
 
   // count_max: distinct positions, below 2^31.
-  explicit PositionNumbers(size_t count_max)
-      : slots_(std::bit_ceil(count_max * 2 + 2), kNone), mask_(slots_.size() - 1) {
+  explicit PositionNumbers(size_t count_max) {
+    resize_in_pieces(slots_, std::bit_ceil(count_max * 2 + 2), kNone);
+    mask_ = slots_.size() - 1;
     positions_.reserve(count_max);
   }
 
@@ -31,6 +35,7 @@ class PositionNumbers {
     constexpr size_t kAhead = 16;
     std::array<size_t, kAhead> slots{};
     for (size_t begin = 0; begin < used.size(); begin += kAhead) {
+      cancel_point();
       const size_t count = std::min(kAhead, used.size() - begin);
       for (size_t i = 0; i < count; ++i) {
         slots[i] = hash_of(positions[begin + i] + 0.0) & mask_;
@@ -70,7 +75,7 @@ class PositionNumbers {
   }
 
   std::vector<uint32_t> slots_;
-  size_t mask_;
+  size_t mask_ = 0;
   std::vector<glm::dvec3> positions_;
 };
 
