@@ -9,6 +9,7 @@
 #include <glm/matrix.hpp>
 
 #include "server/base/floor.h"
+#include "server/base/in_pieces.h"
 #include "server/base/parallel.h"
 #include "server/voxel/attributes/mip_chain.h"
 #include "shaders/shared/attributes.h"
@@ -133,11 +134,13 @@ bool has_transparency(const Scene& scene) {
   }
   for (const MeshPart& part : scene.parts) {
     for (const glm::vec4& color : part.colors) {
+      cancel_point();
       if (color.a < 1.0f) return true;
     }
   }
   for (const Image& image : scene.images) {
     for (size_t i = 3; i < image.rgba.size(); i += 4) {
+      if (i / 4 % kCancelSteps == 0) cancel_point();
       if (image.rgba[i] != 255) return true;
     }
   }
@@ -276,6 +279,7 @@ void AttributeRecords::find_levels(int texture_side_max) {
                                               std::vector<ImageLevels>(scene_.images.size()));
   parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point();
       // color=nearest needs the colour of a point, not of the whole triangle.
       const auto& vertices = mesh_.triangles[t].vertices;
       if (mode_ != ColorMode::kNearest &&
@@ -441,6 +445,7 @@ void AttributeRecords::fill(std::span<const uint32_t> triangles, const TileWindo
   words.assign(triangles.size() * ATTRIBUTE_WORDS, 0u);
   parallel_chunks(triangles.size(), kTriangleGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point();
       const auto& vertices = mesh_.triangles[triangles[t]].vertices;
       const CornerOrder order = corner_order(
           {mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]], mesh_.vertices[vertices[2]]});

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <bit>
-#include <numeric>
 
 #include "proto/codec/sparse_tile.h"
 #include "proto/limits.h"
+#include "server/base/in_pieces.h"
 #include "server/base/parallel.h"
 #include "server/base/raw_vector.h"
 
@@ -45,6 +45,7 @@ RawVector<uint32_t> tiles_of_vertices(const SnappedMesh& mesh, const glm::ivec3&
   const glm::ivec3 last = tile_dims - 1;
   parallel_chunks(tiles.size(), kBinGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t v = begin; v < end; ++v) {
+      if (v % kCancelSteps == 0) cancel_point();
       const glm::ivec3& q = mesh.vertices[v];
       tiles[v] = tile_number(
           {std::clamp(q.x >> kTileShift, 0, last.x), std::clamp(q.y >> kTileShift, 0, last.y),
@@ -77,7 +78,10 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   const size_t count = mesh.triangles.size();
   if (tile_count == 1) {
     triangles_.resize(count);
-    std::iota(triangles_.begin(), triangles_.end(), 0u);
+    for (size_t t = 0; t < count; ++t) {
+      if (t % kCancelSteps == 0) cancel_point();
+      triangles_[t] = static_cast<uint32_t>(t);
+    }
     if (count > 0) bins_.push_back({glm::ivec3(0), triangles_});
     return;
   }
@@ -88,11 +92,13 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   const auto for_each_pair = [&](size_t begin, size_t end, const auto& visit) {
     const uint32_t* tiles = of_vertices.data();
     for (size_t t = begin; t < end; ++t) {
+      if (t % kCancelSteps == 0) cancel_point();
       const SnappedTriangle& triangle = mesh.triangles[t];
       const uint32_t tile = tiles[triangle.vertices[0]];
       if (tile == tiles[triangle.vertices[1]] && tile == tiles[triangle.vertices[2]]) {
         visit(t, tile);
       } else {
+        cancel_point();
         for_each_tile(tile_span(mesh, triangle, tile_dims), tile_dims,
                       [&](uint32_t one) { visit(t, one); });
       }

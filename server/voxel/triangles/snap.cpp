@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "server/base/floor.h"
+#include "server/base/in_pieces.h"
 #include "server/base/parallel.h"
 #include "server/voxel/triangles/clip.h"
 #include "server/voxel/triangles/split.h"
@@ -96,6 +97,7 @@ class TriangleSnapper {
   // For a chunk whose vertices are all in cells of the grid.
   void run_inside(size_t first, size_t last, ChunkOutput& out) const {
     for (size_t t = first; t < last; ++t) {
+      if (t % kCancelSteps == 0) cancel_point();
       const uint32_t* index = &part_.indices[3 * t];
       out.whole[t - first] = {{base_ + index[0], base_ + index[1], base_ + index[2]}, part_index_};
     }
@@ -104,6 +106,7 @@ class TriangleSnapper {
 
   void run(size_t first, size_t last, ChunkOutput& out) const {
     for (size_t t = first; t < last && !out.not_finite && !out.too_many; ++t) {
+      if (t % kCancelSteps == 0) cancel_point();
       const uint32_t* index = &part_.indices[3 * t];
       const std::array<uint32_t, 3> vertices = {base_ + index[0], base_ + index[1],
                                                 base_ + index[2]};
@@ -140,6 +143,7 @@ class TriangleSnapper {
 
   // Adds the pieces that clipping and splitting leave of a triangle.
   void add_pieces(const std::array<uint32_t, 3>& vertices, ChunkOutput& out) const {
+    cancel_point();
     std::array<glm::dvec3, 3> p_grid;
     for (size_t i = 0; i < 3; ++i) {
       p_grid[i] = spec_.grid_from_world(world_from_file_(part_.positions[vertices[i] - base_]));
@@ -194,6 +198,7 @@ bool snap_vertices(const MeshPart& part, const WorldFromFile& world_from_file, c
   parallel_chunks(part.positions.size(), kVertexGrain, [&](size_t, size_t begin, size_t end) {
     glm::ivec3 low(0), high(0);
     for (size_t i = begin; i < end; ++i) {
+      if (i % kCancelSteps == 0) cancel_point();
       const glm::dvec3 p = spec.grid_from_world(world_from_file(part.positions[i]));
       out[i] = inside_box(p, spec.dims) ? snapped(p, spec.dims) : glm::ivec3(kOutside, 0, 0);
       low = glm::min(low, out[i]);
@@ -227,6 +232,7 @@ Status check(const ChunkOutput& chunk, const MeshPart& part) {
 void append_pieces(const ChunkOutput& chunk, SnappedMesh& mesh) {
   const auto shift = static_cast<uint32_t>(mesh.clipped.size());
   for (SnappedTriangle piece : chunk.pieces) {
+    cancel_point();
     for (uint32_t& vertex : piece.vertices) vertex += shift;
     mesh.triangles.push_back(piece);
   }
@@ -266,6 +272,7 @@ std::vector<uint8_t> used_vertices(const MeshPart& part) {
   std::vector<uint8_t> used(part.positions.size());
   parallel_chunks(part.indices.size(), 4 * kSnapGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
+      if (i % kCancelSteps == 0) cancel_point();
       std::atomic_ref(used[part.indices[i]]).store(1, std::memory_order_relaxed);
     }
   });
@@ -294,6 +301,7 @@ Box3d world_bounds(const Scene& scene, const glm::dmat4& matrix) {
                     [&](size_t chunk, size_t begin, size_t end) {
                       Box3d own;
                       for (size_t i = begin; i < end; ++i) {
+                        if (i % kCancelSteps == 0) cancel_point();
                         if (used[i] != 0) own.add(world_from_file(part.positions[i]));
                       }
                       boxes[chunk] = own;
@@ -343,6 +351,7 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, con
 
 void settle_faces(const glm::ivec3& dims, bool is_mirrored, SnappedMesh& mesh) {
   for (SnappedTriangle& triangle : mesh.triangles) {
+    cancel_point();
     const std::array<glm::ivec3, 3> corners = {mesh.vertices[triangle.vertices[0]],
                                                mesh.vertices[triangle.vertices[1]],
                                                mesh.vertices[triangle.vertices[2]]};

@@ -2,6 +2,8 @@
 
 #include <atomic>
 
+#include "server/base/in_pieces.h"
+
 namespace voxeld {
 
 void TileCrossings::set(std::span<const Crossing> crossings, int tiles) {
@@ -9,11 +11,11 @@ void TileCrossings::set(std::span<const Crossing> crossings, int tiles) {
   const auto tile_of = [](Crossing c) {
     return static_cast<size_t>(crossing_cell(c) / limits::kTileSide);
   };
-  for (const Crossing c : crossings) ++first_[tile_of(c) + 1];
+  for_each_in_pieces(crossings, [&](Crossing c) { ++first_[tile_of(c) + 1]; });
   for (size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
   sorted_.resize(crossings.size());
   std::vector<size_t> place(first_.begin(), first_.end() - 1);
-  for (const Crossing c : crossings) sorted_[place[tile_of(c)]++] = c;
+  for_each_in_pieces(crossings, [&](Crossing c) { sorted_[place[tile_of(c)]++] = c; });
 }
 
 AxisCrossings::AxisCrossings(const FillMesh& mesh, int axis, const glm::ivec3& dims,

@@ -5,6 +5,9 @@
 #include <tuple>
 #include <utility>
 
+#include "server/base/cancel_point.h"
+#include "server/base/in_pieces.h"
+
 namespace voxeld {
 namespace {
 
@@ -18,10 +21,11 @@ class PointNumbers {
   explicit PointNumbers(size_t count_max) {
     size_t slots = 16;
     while (slots < 2 * count_max) slots *= 2;
-    slots_.assign(slots, kEmpty);
+    resize_in_pieces(slots_, slots, kEmpty);
   }
 
   uint32_t number_of(const glm::ivec3& q) {
+    cancel_point();
     const size_t mask = slots_.size() - 1;
     size_t slot = hash_of(q) & mask;
     while (slots_[slot] != kEmpty) {
@@ -70,6 +74,7 @@ std::vector<BoundaryEdge> boundary_edges(const FillMesh& mesh) {
   const std::vector<glm::ivec3>& points = numbers.points();
   const auto for_each_edge = [&](const auto& visit) {
     for (const auto& c : corners) {
+      cancel_point();
       for (size_t i = 0; i < 3; ++i) {
         const uint32_t from = c[i], to = c[(i + 1) % 3];
         if (from != to) visit(std::min(from, to), std::max(from, to), from < to ? 1 : -1);
@@ -86,6 +91,7 @@ std::vector<BoundaryEdge> boundary_edges(const FillMesh& mesh) {
   });
   std::vector<BoundaryEdge> boundary;
   for (uint32_t low = 0; low < points.size(); ++low) {
+    cancel_point();
     const auto begin = edges.begin() + static_cast<ptrdiff_t>(first[low]);
     const auto end = edges.begin() + static_cast<ptrdiff_t>(first[low + 1]);
     std::sort(begin, end, [](const HalfEdge& a, const HalfEdge& b) { return a.high < b.high; });
@@ -98,6 +104,7 @@ std::vector<BoundaryEdge> boundary_edges(const FillMesh& mesh) {
     }
   }
   std::sort(boundary.begin(), boundary.end(), [](const BoundaryEdge& a, const BoundaryEdge& b) {
+    cancel_point();
     if (a.from != b.from) return comes_first(a.from, b.from);
     return comes_first(a.to, b.to);
   });
@@ -117,13 +124,17 @@ std::vector<glm::ivec3> closing_cones(const std::vector<BoundaryEdge>& boundary)
     while (root[a] != a) a = root[a] = root[root[a]];
     return a;
   };
-  for (const auto& [from, to] : ends) root[find(from)] = find(to);
+  for (const auto& [from, to] : ends) {
+    cancel_point();
+    root[find(from)] = find(to);
+  }
   struct Sum {
     std::array<int64_t, 3> q{};
     int64_t count = 0;
   };
   std::vector<Sum> sums(root.size());
   for (uint32_t i = 0; i < root.size(); ++i) {
+    cancel_point();
     Sum& sum = sums[find(i)];
     for (int axis = 0; axis < 3; ++axis) {
       sum.q[static_cast<size_t>(axis)] += numbers.points()[i][axis];
@@ -132,6 +143,7 @@ std::vector<glm::ivec3> closing_cones(const std::vector<BoundaryEdge>& boundary)
   }
   std::vector<glm::ivec3> cones;
   for (size_t e = 0; e < boundary.size(); ++e) {
+    cancel_point();
     const Sum& sum = sums[find(ends[e].first)];
     glm::ivec3 apex;
     for (int axis = 0; axis < 3; ++axis) {

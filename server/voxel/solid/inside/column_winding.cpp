@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "server/base/cancel_point.h"
+#include "server/base/in_pieces.h"
+
 namespace voxeld {
 namespace {
 
@@ -28,14 +31,15 @@ void sort_column(Crossing* first, Crossing* last) {
 void ColumnWinding::set(std::span<const Crossing> crossings, const ColumnWindow& window) {
   const size_t columns = static_cast<size_t>(window.v_count) << 8;
   first_of_.assign(columns + 1, 0);
-  for (const Crossing c : crossings) ++first_of_[crossing_column(c) + 1];
+  for_each_in_pieces(crossings, [&](Crossing c) { ++first_of_[crossing_column(c) + 1]; });
   for (size_t i = 0; i < columns; ++i) first_of_[i + 1] += first_of_[i];
   sorted_.resize(crossings.size());
-  for (const Crossing c : crossings) sorted_[first_of_[crossing_column(c)]++] = c;
+  for_each_in_pieces(crossings, [&](Crossing c) { sorted_[first_of_[crossing_column(c)]++] = c; });
   // Shifted by one, every entry now says where its column begins.
   for (size_t i = columns; i > 0; --i) first_of_[i] = first_of_[i - 1];
   first_of_[0] = 0;
   for (size_t i = 0; i < columns; ++i) {
+    cancel_point();
     if (first_of_[i + 1] - first_of_[i] > 1) {
       sort_column(sorted_.data() + first_of_[i], sorted_.data() + first_of_[i + 1]);
     }

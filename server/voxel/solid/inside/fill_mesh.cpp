@@ -6,6 +6,7 @@
 
 #include <glm/matrix.hpp>
 
+#include "server/base/in_pieces.h"
 #include "server/base/parallel.h"
 
 namespace voxeld {
@@ -51,6 +52,7 @@ FillMesh FillMesh::of(const Scene& scene, const glm::dmat4& world_from_file, con
   for (const MeshPart& part : scene.parts) {
     parallel_chunks(part.positions.size(), kVertexGrain, [&](size_t, size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
+        cancel_point();
         const glm::dvec3 p =
             spec.grid_from_world(glm::dvec3(world_from_file * glm::dvec4(part.positions[i], 1.0)));
         for (int axis = 0; axis < 3; ++axis) {
@@ -58,8 +60,9 @@ FillMesh FillMesh::of(const Scene& scene, const glm::dmat4& world_from_file, con
         }
       }
     });
-    for (const uint32_t index : part.indices)
+    for_each_in_pieces(std::span(part.indices), [&](uint32_t index) {
       indices.push_back(static_cast<uint32_t>(base) + index);
+    });
     base += part.positions.size();
   }
   fill.own(std::move(vertices), std::move(indices));

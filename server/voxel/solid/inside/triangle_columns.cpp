@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <numeric>
 
 #include "server/base/parallel.h"
 
@@ -38,7 +37,10 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
   const size_t triangles = mesh.triangle_count();
   if (count() == 1) {  // all triangles, without a test
     list_.resize(triangles);
-    std::iota(list_.begin(), list_.end(), 0u);
+    for (size_t t = 0; t < triangles; ++t) {
+      cancel_point();
+      list_[t] = static_cast<uint32_t>(t);
+    }
     first_.back() = triangles;
     return;
   }
@@ -63,6 +65,7 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
                                           std::vector<size_t>(count()));
   parallel_chunks(triangles, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point();
       for_each_column(t, [&](size_t column) { ++places[chunk][column]; });
     }
   });
@@ -79,6 +82,7 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
   list_.resize(total);
   parallel_chunks(triangles, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point();
       for_each_column(
           t, [&](size_t column) { list_[places[chunk][column]++] = static_cast<uint32_t>(t); });
     }

@@ -92,6 +92,7 @@ WindingField::WindingField(const std::vector<glm::ivec3>& triangles, int sub_vox
     : half_cell_(int64_t{1} << sub_voxel_bits), far_radii_(far_radii) {
   const auto point = [](const glm::ivec3& q) { return glm::i64vec3(q) * int64_t{2} + int64_t{1}; };
   for (size_t i = 0; i + 2 < triangles.size(); i += 3) {
+    cancel_point();
     const Triangle t = {point(triangles[i]), point(triangles[i + 1]), point(triangles[i + 2])};
     if (t.a != t.c && t.b != t.c) triangles_.push_back(t);
   }
@@ -105,12 +106,12 @@ int64_t WindingField::bytes_for(int64_t triangles) {
 }
 
 uint32_t WindingField::build(uint32_t first, uint32_t count) {
-  cancel_point();
   const auto index = static_cast<uint32_t>(nodes_.size());
   Node node = {first, count, 0, glm::dvec3(0), glm::dvec3(0), 0, 0, 0};
   glm::dvec3 low(1e300), high(-1e300), weighted(0);
   const auto begin = triangles_.begin() + first, end = begin + count;
   for (auto t = begin; t != end; ++t) {
+    cancel_point();
     const glm::dvec3 a = to_double(t->a), b = to_double(t->b), c = to_double(t->c);
     const glm::dvec3 normal = 0.5 * glm::cross(b - a, c - a);
     const double area = glm::length(normal);
@@ -125,6 +126,7 @@ uint32_t WindingField::build(uint32_t first, uint32_t count) {
   }
   node.centre = node.area > 0 ? weighted / node.area : 0.5 * (low + high);
   for (auto t = begin; t != end; ++t) {
+    cancel_point();
     for (const glm::i64vec3& p : {t->a, t->b, t->c}) {
       node.radius = std::max(node.radius, glm::length(to_double(p) - node.centre));
     }
@@ -134,6 +136,7 @@ uint32_t WindingField::build(uint32_t first, uint32_t count) {
   const glm::dvec3 size = high - low;
   const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
   std::sort(begin, end, [axis](const Triangle& a, const Triangle& b) {
+    cancel_point();
     const int64_t middle_a = a.a[axis] + a.b[axis] + a.c[axis];
     const int64_t middle_b = b.a[axis] + b.b[axis] + b.c[axis];
     // Triangles that face the other way have the same order.
