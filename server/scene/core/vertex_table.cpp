@@ -4,6 +4,9 @@
 #include <bit>
 #include <random>
 
+#include "server/base/cancel_point.h"
+#include "server/base/in_pieces.h"
+
 namespace voxeld {
 namespace {
 
@@ -37,9 +40,11 @@ uint64_t process_seed() {
 }  // namespace
 
 template <size_t kWords>
-BasicVertexTable<kWords>::BasicVertexTable(size_t expected_count)
-    : slots_(std::max(kFirstSlots, std::bit_ceil(2 * std::min(expected_count, kExpectedMax) + 1)),
-             Slot{{}, kEmpty}) {}
+BasicVertexTable<kWords>::BasicVertexTable(size_t expected_count) {
+  resize_in_pieces(
+      slots_, std::max(kFirstSlots, std::bit_ceil(2 * std::min(expected_count, kExpectedMax) + 1)),
+      Slot{{}, kEmpty});
+}
 
 template <size_t kWords>
 size_t BasicVertexTable<kWords>::start_of(const Key& key) const {
@@ -67,9 +72,11 @@ std::pair<uint32_t, bool> BasicVertexTable<kWords>::find_or_add(const Key& key, 
 
 template <size_t kWords>
 void BasicVertexTable<kWords>::grow() {
-  std::vector<Slot> old(2 * slots_.size(), Slot{{}, kEmpty});
+  std::vector<Slot> old;
+  resize_in_pieces(old, 2 * slots_.size(), Slot{{}, kEmpty});
   old.swap(slots_);
   for (const Slot& slot : old) {
+    cancel_point();
     if (slot.value == kEmpty) continue;
     size_t at = start_of(slot.key);
     while (slots_[at].value != kEmpty) at = (at + 1) & (slots_.size() - 1);
