@@ -11,6 +11,7 @@
 #include "proto/codec/occupancy_model.h"
 #include "proto/codec/range_coder.h"
 #include "proto/codec/tile_runs.h"
+#include "proto/work_point.h"
 
 namespace voxeld {
 namespace {
@@ -292,6 +293,7 @@ bool code_attributes(Coder& coder, const SparseTile& tile,
   BitCoder<Coder> bits{coder, {}};
   uint32_t number = 0;
   for (size_t b = 0; b < tile.masks.size(); ++b) {
+    work_point();
     for (uint32_t word = 0; word < 8; ++word) {
       for (uint64_t rest = tile.masks[b].words[word]; rest != 0; rest &= rest - 1) {
         const auto cell = morton_decode(tile.brick_morton[b] << 9 | word << 6 |

@@ -11,6 +11,7 @@
 #include "proto/codec/occupancy_context.h"
 #include "proto/codec/occupancy_model.h"
 #include "proto/codec/range_coder.h"
+#include "proto/work_point.h"
 
 namespace voxeld {
 
@@ -68,6 +69,7 @@ bool code_level(Coder& coder, OccupancyModel& model, const BitVolume& parents, B
   const int parents_per_full = full == nullptr ? 0 : parents.side() / full->side();
   for (int z = 0; z < cells.side(); ++z) {
     for (int y = 0; y < cells.side(); ++y) {
+      work_point();
       code_row(coder, model, parents, cells, full, parents_per_full, y, z, level_class);
       if (coder.exhausted()) return false;
     }

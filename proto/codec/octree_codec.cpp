@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "proto/codec/canonical_tile.h"
+#include "proto/work_point.h"
 
 namespace voxeld {
 namespace {
@@ -116,6 +117,7 @@ void add_bricks(const Levels& levels, const std::vector<uint32_t>& codes, Sparse
       tile.full.push_back({codes[b], 0});
       continue;
     }
+    work_point();
     tile.brick_morton.push_back(codes[b]);
     BrickMask& mask = tile.masks.emplace_back();
     for (uint32_t i_bits = levels[kBrickLevel][b]; i_bits != 0; i_bits &= i_bits - 1) {
@@ -134,6 +136,7 @@ std::vector<uint8_t> octree_from_tile(const SparseTile& tile) {
   Nodes nodes;
   nodes.codes = tile.brick_morton;
   for (const BrickMask& mask : tile.masks) {
+    work_point();
     uint32_t brick = 0;
     for (size_t i = 0; i < 8; ++i) {
       uint32_t node = 0;

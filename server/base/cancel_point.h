@@ -31,13 +31,14 @@ extern constinit thread_local const CancelScope* cancel_scope;
 // A pause that the threads of a scope make at their next cancellation points once it is due.
 struct Pause {
   std::atomic<bool> is_due{false};
-  // Waits until the pause is over, which is then no longer due. Several threads may call it at a
-  // time; it must not throw. False: the scope ends as if it were cancelled, and the pause stays due.
+  // Waits until the pause is over, which is then no longer due. Several threads may call it at
+  // once; it must not throw. False: the scope ends as if it were cancelled; the pause stays due.
   std::function<bool()> take;
 };
 
 // Applies to the calling thread, and to those that share its loops (server/base/parallel.h). Other
-// threads that it starts have no scope. Scopes nest.
+// threads that it starts have no scope. Scopes nest: an inner one is cancelled where an outer one
+// is, and its points are also the outer's.
 class CancelScope {
  public:
   // Without `pause` there is none. Both outlive the scope.
@@ -47,24 +48,28 @@ class CancelScope {
   CancelScope(const CancelScope&) = delete;
   CancelScope& operator=(const CancelScope&) = delete;
 
-  // Grows with the cancellation points that its threads pass. Any thread may ask.
-  uint64_t points_passed() const { return points_passed_.load(std::memory_order_relaxed); }
+  // Whether a thread has passed a cancellation point since the last call. For one caller, on any
+  // thread.
+  bool has_passed_points() const { return !is_awaited_.exchange(true); }
 
  private:
   friend bool is_cancelled();
   bool pass_point() const {
-    // Not one operation, which would cost more: where two threads count at once, one is lost.
-    points_passed_.store(points_passed() + 1, std::memory_order_relaxed);
+    // Written only where somebody awaits it, so that the threads of a loop share the cache line.
+    if (is_awaited_.load(std::memory_order_relaxed)) {
+      is_awaited_.store(false, std::memory_order_relaxed);
+    }
     if (pause_ != nullptr && pause_->is_due.load(std::memory_order_relaxed)) [[unlikely]] {
       if (!pause_->take()) return true;
     }
-    return flag_.load(std::memory_order_relaxed);
+    const bool is_outer_cancelled = outer_ != nullptr && outer_->pass_point();
+    return is_outer_cancelled || flag_.load(std::memory_order_relaxed);
   }
 
   const std::atomic<bool>& flag_;
   const Pause* const pause_;
   const CancelScope* const outer_;
-  mutable std::atomic<uint64_t> points_passed_{0};
+  mutable std::atomic<bool> is_awaited_{true};
 };
 
 // Whether this thread's scope is cancelled; false without a scope. A cancellation point for

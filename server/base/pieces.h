@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <type_traits>
 #include <vector>
 
@@ -17,8 +18,7 @@ namespace voxeld {
 template <typename T>
 inline constexpr size_t kPieceElements = std::max<size_t>((size_t{1} << 20) / sizeof(T), 1);
 
-// A cancellation point for every 4096th number. For short steps of loops that threads share: each
-// point writes to memory of theirs all.
+// A cancellation point for every 4096th number, for steps of a few nanoseconds.
 inline void cancel_point_at(size_t number) {
   if (number % 4096 == 0) cancel_point();
 }
@@ -32,6 +32,14 @@ void in_pieces(size_t count, size_t piece, const Body& body) {
     body(begin, end);
     begin = end;
   }
+}
+
+// Calls visit(item) for all items.
+template <typename T, typename Visit>
+void for_each_in_pieces(std::span<const T> items, const Visit& visit) {
+  in_pieces(items.size(), 4096, [&](size_t begin, size_t end) {
+    for (const T& item : items.subspan(begin, end - begin)) visit(item);
+  });
 }
 
 // Frees an array, which is empty then. At once, 1 GB takes 130 ms.

@@ -18,7 +18,7 @@ Result<OutputFile> OutputFile::create(const std::filesystem::path& path) {
 
 Status OutputFile::append(std::span<const uint8_t> bytes) {
   if (file_.valid()) {
-    VOXELD_TRY(write_all(file_.get(), bytes));
+    VOXELD_TRY(write_in_pieces(file_.get(), bytes));
   } else {
     memory_.insert(memory_.end(), bytes.begin(), bytes.end());
   }

@@ -21,13 +21,24 @@ std::span<const uint8_t> bytes_of(const T* data, size_t count) {
   return {reinterpret_cast<const uint8_t*>(data), count * sizeof(T)};
 }
 
+// Hashes bytes in pieces, with a cancellation point before each.
+void hash_in_pieces(Sha256& hash, std::span<const uint8_t> bytes) {
+  constexpr size_t kPieceBytes = size_t{1} << 20;
+  while (!bytes.empty()) {
+    cancel_point();
+    const auto piece = bytes.first(std::min(bytes.size(), kPieceBytes));
+    hash.update(piece);
+    bytes = bytes.subspan(piece.size());
+  }
+}
+
 void hash_tile(const SparseTile& tile, Sha256& hash) {
   hash.update(bytes_of(tile.coord.data(), tile.coord.size()));
   const uint64_t bricks = tile.masks.size();
   hash.update(bytes_of(&bricks, 1));
   hash.update(bytes_of(tile.brick_morton.data(), tile.brick_morton.size()));
-  hash.update(bytes_of(tile.masks.data(), tile.masks.size()));
-  for (const ChannelInfo& info : kChannels) hash.update(channel_bytes(tile, info.channel));
+  hash_in_pieces(hash, bytes_of(tile.masks.data(), tile.masks.size()));
+  for (const ChannelInfo& info : kChannels) hash_in_pieces(hash, channel_bytes(tile, info.channel));
   if (tile.full.empty()) return;
   hash.update(bytes_of(&kFullNodesFollow, 1));
   const uint64_t nodes = tile.full.size();

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "proto/container/distance_unit.h"
+#include "server/base/cancel_point.h"
 #include "server/grid/tile_source.h"
 
 namespace voxeld {
@@ -13,7 +14,10 @@ uint32_t tile_order(const SparseTile& tile) {
 
 uint64_t Grid::voxel_count() const {
   uint64_t count = 0;
-  for (const SparseTile& tile : tiles) count += tile.voxel_count();
+  for (const SparseTile& tile : tiles) {
+    cancel_point();
+    count += tile.voxel_count();
+  }
   return count;
 }
 
@@ -41,9 +45,10 @@ Grid grid_of_header(const GridHeader& header) {
 }
 
 Result<Grid> grid_from_container(std::span<const uint8_t> bytes) {
-  VOXELD_ASSIGN(const GridReader reader, GridReader::open(bytes));
+  VOXELD_ASSIGN(GridReader reader, GridReader::open(bytes));
   Grid grid = grid_of_header(reader.header());
-  VOXELD_ASSIGN(grid.tiles, reader.decode_tiles());
+  const ContainerTiles tiles(std::move(reader));
+  VOXELD_ASSIGN(grid.tiles, read_tiles(tiles, 0, tiles.coords().size()));
   return grid;
 }
 

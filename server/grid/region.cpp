@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/grid/color/palette_tiles.h"
 #include "server/grid/level.h"
@@ -68,6 +69,7 @@ class Canvas {
     TileAppender out(coord, channels);
     size_t voxel = 0;
     for (size_t brick = 0; brick < kTileBricks; ++brick) {
+      cancel_point();
       for (uint32_t word = 0; word < 8; ++word) {
         for (uint64_t bits = masks_[brick].words[word]; bits != 0; bits &= bits - 1) {
           const auto bit = static_cast<uint32_t>(std::countr_zero(bits));
@@ -84,6 +86,7 @@ class Canvas {
   template <typename Visit>
   void for_each_inside(const SparseTile& tile, Visit&& visit) const {
     for_each_voxel(tile, [&](int x, int y, int z, size_t index) {
+      cancel_point();
       const glm::ivec3 cell(x, y, z);
       if (glm::any(glm::lessThan(cell, cells_.min)) ||
           glm::any(glm::greaterThanEqual(cell, cells_.max))) {

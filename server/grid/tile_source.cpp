@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/base/parallel.h"
 
 namespace voxeld {
@@ -31,6 +32,7 @@ CellBox box_of(const SparseTile& tile) {
   CellBox box{glm::ivec3(std::numeric_limits<int>::max()),
               glm::ivec3(std::numeric_limits<int>::min())};
   for_each_voxel(tile, [&](int x, int y, int z, size_t) {
+    cancel_point();
     box.min = glm::min(box.min, glm::ivec3(x, y, z));
     box.max = glm::max(box.max, glm::ivec3(x, y, z) + 1);
   });
@@ -81,6 +83,7 @@ Result<std::vector<SparseTile>> read_tiles(const TileSource& source, size_t begi
   std::vector<SparseTile> tiles(end - begin);
   std::vector<Status> done(end - begin);
   const auto read = [&](size_t i) {
+    cancel_point();
     auto tile = source.tile(begin + i);
     if (tile) {
       tiles[i] = *std::move(tile);
@@ -159,6 +162,7 @@ Result<SparseTile> CachedTiles::tile(size_t index) const {
     }
   }
   VOXELD_ASSIGN(SparseTile tile, source_.tile(index));
+  cancel_point();
   const std::lock_guard lock(mutex_);
   if (places_.contains(index)) return tile;
   kept_.push_front({index, tile});
@@ -180,6 +184,7 @@ Result<std::vector<SparseTile>> CachedTiles::tiles_in(const CellBox& cells) cons
   for (int z = first.z; z <= last.z; ++z) {
     for (int y = first.y; y <= last.y; ++y) {
       for (int x = first.x; x <= last.x; ++x) {
+        cancel_point();
         const TileCoord wanted = {x, y, z};
         const auto at = std::ranges::lower_bound(coords_, coord_order(wanted), {}, order);
         if (at == coords_.end() || *at != wanted) continue;

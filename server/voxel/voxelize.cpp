@@ -5,6 +5,7 @@
 #include <iterator>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/base/clock.h"
 #include "server/voxel/attributes/part_ids.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
@@ -343,9 +344,18 @@ Status Voxelizer::Impl::run_job(TilePipeline& pipeline, const VoxelizePlan& plan
                                 std::span<const TileBin> bins, SurfaceRun& run, const Steps& steps,
                                 VoxelizeStats& stats, const TakeTiles& take) {
   CpuPipeline* finisher = &pipeline != &cpu && plan.finishes_on_cpu() ? &cpu : nullptr;
-  Status done = run_tiles(pipeline, finisher, plan, bins, run, steps, stats, take);
-  pipeline.end_job();
-  if (finisher != nullptr) finisher->end_job();
+  const auto end = [&] {
+    pipeline.end_job();
+    if (finisher != nullptr) finisher->end_job();
+  };
+  Status done;
+  try {
+    done = run_tiles(pipeline, finisher, plan, bins, run, steps, stats, take);
+  } catch (...) {  // Cancelled, or no memory
+    end();
+    throw;
+  }
+  end();
   return done;
 }
 
@@ -400,7 +410,10 @@ Status Voxelizer::Impl::run_plan(VoxelizePlan& plan, SharedFrames* frames, TileS
   VOXELD_ASSIGN(const size_t first, sink.resume(steps));
   return run_surface(*pipeline(chosen), plan, frames, bins.bins(), first, Steps(progress, steps, 0),
                      stats, [&](std::vector<SparseTile> tiles, size_t done) -> Status {
-                       for (SparseTile& tile : tiles) canonicalize(tile);
+                       for (SparseTile& tile : tiles) {
+                         cancel_point();
+                         canonicalize(tile);
+                       }
                        VOXELD_TRY(sink.add(std::move(tiles)));
                        return sink.reached(done);
                      });

@@ -5,10 +5,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <iterator>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/base/disk/disk_reserve.h"
 
 namespace voxeld {
@@ -74,6 +76,17 @@ Status write_all(int fd, std::span<const uint8_t> bytes) {
       return errno_error("write", "file");
     }
     bytes = bytes.subspan(static_cast<size_t>(count));
+  }
+  return {};
+}
+
+Status write_in_pieces(int fd, std::span<const uint8_t> bytes) {
+  constexpr size_t kPieceBytes = size_t{4} << 20;
+  while (!bytes.empty()) {
+    cancel_point();
+    const auto piece = bytes.first(std::min(bytes.size(), kPieceBytes));
+    VOXELD_TRY(write_all(fd, piece));
+    bytes = bytes.subspan(piece.size());
   }
   return {};
 }

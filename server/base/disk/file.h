@@ -60,6 +60,8 @@ Status write_file(const std::filesystem::path& path, std::span<const uint8_t> by
 // Calls write(2) until everything is written; retries after EINTR. Errors: as write_file(), and
 // storage-full below the process's reserve (disk_reserve.h).
 Status write_all(int fd, std::span<const uint8_t> bytes);
+// The same, with a cancellation point for each few megabytes (cancel_point.h).
+Status write_in_pieces(int fd, std::span<const uint8_t> bytes);
 // Syncs a file, or a directory so that a rename in it survives power loss.
 Status sync_path(const std::filesystem::path& path);
 // An Error from errno: "<action> <path>: <strerror>"; storage-full for ENOSPC and EDQUOT.

@@ -2,8 +2,9 @@
 
 #include <bit>
 
-#include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
+#include "server/base/pieces.h"
 
 namespace voxeld::mesh {
 namespace {
@@ -80,14 +81,16 @@ Planes planes_of(const BrickMask& mask) {
 
 VoxelBricks::VoxelBricks(const Grid& grid, Inside inside)
     : grid_(&grid), index_(coords_of(grid)), full_(grid.tiles.size()) {
-  ThreadPool& pool = ThreadPool::shared();
-  pool.for_each(grid.tiles.size(), [&](size_t tile) { find_full_bricks(tile); });
-  pool.for_each(grid.tiles.size(), [&](size_t tile) { index_.rows(tile) = surface_rows(tile); });
+  parallel_for(grid.tiles.size(), [&](size_t tile) {
+    cancel_point();
+    find_full_bricks(tile);
+  });
+  parallel_for(grid.tiles.size(), [&](size_t tile) { index_.rows(tile) = surface_rows(tile); });
   index_.number_bricks();
-  inside_.resize(index_.size());
-  sources_.resize(index_.size());
-  if (inside == Inside::kNegativeInBand) hiding_.resize(index_.size());
-  pool.for_each(grid.tiles.size(), [&](size_t tile) {
+  resize_in_pieces(inside_, index_.size());
+  resize_in_pieces(sources_, index_.size());
+  if (inside == Inside::kNegativeInBand) resize_in_pieces(hiding_, index_.size());
+  parallel_for(grid.tiles.size(), [&](size_t tile) {
     cancel_point();
     fill_tile(tile, inside);
   });

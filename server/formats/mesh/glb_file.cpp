@@ -15,7 +15,8 @@
 #include <string_view>
 #include <utility>
 
-#include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
 
 namespace voxeld::mesh {
 namespace {
@@ -62,7 +63,8 @@ int GlbBuffer::add(MeshRows rows, size_t element_bytes, Use use, json accessor) 
 
 void GlbBuffer::compress(Array& array) const {
   std::vector<uint8_t> bytes(array.rows.bytes());
-  ThreadPool::shared().for_each(array.rows.piece_count(), [&](size_t i) {
+  parallel_for(array.rows.piece_count(), [&](size_t i) {
+    cancel_point();
     array.rows.fill(i,
                     std::span(bytes).subspan(array.rows.piece_begin(i), array.rows.piece_bytes(i)));
   });
@@ -88,7 +90,7 @@ void GlbBuffer::describe(json& document) {
   if (is_compressed_) {
     meshopt_encodeVertexVersion(kVertexVersion);
     meshopt_encodeIndexVersion(kIndexVersion);
-    ThreadPool::shared().for_each(arrays_.size(), [&](size_t i) { compress(arrays_[i]); });
+    parallel_for(arrays_.size(), [&](size_t i) { compress(arrays_[i]); });
   }
   json views = json::array();
   uint64_t plain_bytes = 0;  // of the buffer that compressed arrays stand for

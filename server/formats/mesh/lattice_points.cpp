@@ -1,6 +1,7 @@
 #include "server/formats/mesh/lattice_points.h"
 
-#include "proto/thread_pool.h"
+#include "server/base/parallel.h"
+#include "server/base/pieces.h"
 
 namespace voxeld::mesh {
 namespace {
@@ -50,7 +51,7 @@ uint32_t point_row(const BrickIndex& voxels, const std::array<uint32_t, 8>& tile
 
 LatticePoints::LatticePoints(const VoxelBricks& voxels) : index_(point_coords(voxels.index())) {
   const BrickIndex& of_voxels = voxels.index();
-  ThreadPool::shared().for_each(index_.tiles().size(), [&](size_t i) {
+  parallel_for(index_.tiles().size(), [&](size_t i) {
     const auto coord = index_.tiles()[i].coord;
     std::array<uint32_t, 8> before{};  // tiles of voxels by x, y, z before this one
     for (int32_t t = 0; t < 8; ++t) {
@@ -64,7 +65,7 @@ LatticePoints::LatticePoints(const VoxelBricks& voxels) : index_(point_coords(vo
     }
   });
   index_.number_bricks();
-  marks_.resize(index_.size());
+  resize_in_pieces(marks_, index_.size());
   tile_of_.reserve(of_voxels.tiles().size());
   for (const BrickIndex::Tile& tile : of_voxels.tiles()) {
     tile_of_.push_back(index_.find_tile(tile.coord));

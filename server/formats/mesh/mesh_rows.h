@@ -8,7 +8,8 @@
 #include <span>
 #include <vector>
 
-#include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
 #include "server/formats/mesh/surface_mesh.h"
 #include "server/formats/npy/array_pieces.h"
 
@@ -21,10 +22,12 @@ inline size_t piece_count_of(size_t rows) {
   return (rows + kPieceRows - 1) / kPieceRows;
 }
 
-// Calls work(piece, first_row, last_row) for pieces of rows, on all threads.
+// Calls work(piece, first_row, last_row) for pieces of rows, on all threads, with a cancellation
+// point before each.
 template <typename Work>
 void for_each_piece(size_t rows, Work&& work) {
-  ThreadPool::shared().for_each(piece_count_of(rows), [&](size_t piece) {
+  parallel_for(piece_count_of(rows), [&](size_t piece) {
+    cancel_point();
     work(piece, piece * kPieceRows, std::min(rows, (piece + 1) * kPieceRows));
   });
 }

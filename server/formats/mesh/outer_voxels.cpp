@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
 #include "server/formats/bricks/voxel_bricks.h"
 #include "server/formats/bricks/voxel_lookup.h"
 
@@ -64,8 +64,7 @@ Result<UnsetArray<Vertex>> outer_voxels(const Grid& grid, std::string_view forma
   const VoxelColors colors(grid);
   std::vector<std::vector<Vertex>> by_tile(grid.tiles.size());
   std::atomic<uint64_t> count{0};
-  ThreadPool& pool = ThreadPool::shared();
-  pool.for_each(by_tile.size(), [&](size_t tile) {
+  parallel_for(by_tile.size(), [&](size_t tile) {
     cancel_point();
     if (count.load(std::memory_order_relaxed) > count_max) return;
     by_tile[tile] = cubes_of_tile(voxels, colors, static_cast<uint32_t>(tile));
@@ -82,7 +81,8 @@ Result<UnsetArray<Vertex>> outer_voxels(const Grid& grid, std::string_view forma
     begin += by_tile[i].size();
   }
   UnsetArray<Vertex> cubes(begin);
-  pool.for_each(by_tile.size(), [&](size_t i) {
+  parallel_for(by_tile.size(), [&](size_t i) {
+    cancel_point();
     if (!by_tile[i].empty()) std::ranges::copy(by_tile[i], &cubes[begins[i]]);
   });
   return cubes;

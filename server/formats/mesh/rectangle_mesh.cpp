@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
 #include "server/formats/mesh/lattice_points.h"
 #include "server/formats/mesh/vertex_table.h"
 
@@ -153,7 +153,7 @@ class FaceWriter {
 // Calls work(number, slab, points) for all slabs, on all threads.
 template <typename Work>
 void for_each_slab(const LatticePoints& points, std::span<const RectangleSlab> slabs, Work&& work) {
-  ThreadPool::shared().for_each(slabs.size(), [&](size_t i) {
+  parallel_for(slabs.size(), [&](size_t i) {
     cancel_point();
     static thread_local std::vector<uint32_t> bricks;
     work(i, slabs[i], SlabPoints(points, slabs[i], bricks));

@@ -8,8 +8,8 @@
 #include <memory>
 #include <string>
 
-#include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
 
 namespace voxeld::mesh {
 namespace {
@@ -294,7 +294,7 @@ Result<std::vector<RectangleSlab>> find_rectangles(const VoxelBricks& voxels,
   const std::vector<SlabPlace> places = slabs_of(voxels.index());
   std::vector<RectangleSlab> slabs(places.size());
   std::atomic<uint64_t> count{0};
-  ThreadPool::shared().for_each(places.size(), [&](size_t i) {
+  parallel_for(places.size(), [&](size_t i) {
     cancel_point();
     if (count.load(std::memory_order_relaxed) > count_max) return;
     slabs[i] = finder.find(places[i].tile, places[i].axis, places[i].at);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/formats/bricks/voxel_bricks.h"
 #include "server/formats/bricks/voxel_lookup.h"
 #include "server/formats/mesh/mesh_rows.h"
@@ -139,7 +140,6 @@ void place_vertices(const VoxelBricks& voxels, const VoxelColors& colors, Inside
                     SurfaceMesh& mesh) {
   const Field field(voxels.grid(), inside);
   for_each_piece(mesh.vertices.size(), [&](size_t, size_t begin, size_t end) {
-    cancel_point();
     VoxelLookup lookup(voxels);
     for (size_t i = begin; i < end; ++i) {
       const Cells cells = cells_around(lookup, mesh.vertices[i]);
@@ -160,17 +160,23 @@ void add_atomically(Integers& sum, const Integers& more) {
 // counts once.
 void relax(SurfaceMesh& mesh) {
   const size_t count = mesh.vertices.size();
-  std::vector<Integers> places(count), sums(count);
-  std::vector<int32_t> neighbors(count);
-  for (size_t i = 0; i < count; ++i) {
-    for (size_t c = 0; c < 3; ++c) {
-      places[i][c] = static_cast<int32_t>(mesh.vertices[i].p_grid[c]) * kSteps;
+  std::vector<Integers> places, sums;
+  std::vector<int32_t> neighbors;
+  resize_in_pieces(places, count);
+  resize_in_pieces(sums, count);
+  resize_in_pieces(neighbors, count);
+  for_each_piece(count, [&](size_t, size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      for (size_t c = 0; c < 3; ++c) {
+        places[i][c] = static_cast<int32_t>(mesh.vertices[i].p_grid[c]) * kSteps;
+      }
     }
-  }
+  });
   for (int round = 0; round < kRelaxations; ++round) {
-    std::ranges::fill(sums, Integers{});
+    for_each_piece(count, [&](size_t, size_t begin, size_t end) {
+      std::fill(&sums[begin], &sums[begin] + (end - begin), Integers{});
+    });
     for_each_piece(mesh.faces.size(), [&](size_t, size_t begin, size_t end) {
-      cancel_point();
       for (size_t i = begin; i < end; ++i) {
         const auto& corners = mesh.faces[i].corners;
         for (size_t k = 0; k < corners.size(); ++k) {
@@ -201,9 +207,9 @@ void relax(SurfaceMesh& mesh) {
 
 // The normals of vertices: the sum of those of the faces around, by their area.
 UnsetArray<std::array<float, 3>> normals_of(const SurfaceMesh& mesh) {
-  std::vector<Integers> sums(mesh.vertices.size());
+  std::vector<Integers> sums;
+  resize_in_pieces(sums, mesh.vertices.size());
   for_each_piece(mesh.faces.size(), [&](size_t, size_t begin, size_t end) {
-    cancel_point();
     for (size_t i = begin; i < end; ++i) {
       const auto& corners = mesh.faces[i].corners;
       const auto p = [&](size_t k) -> const std::array<float, 3>& {

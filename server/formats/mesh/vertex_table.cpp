@@ -4,8 +4,9 @@
 #include <atomic>
 #include <span>
 
-#include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
+#include "server/base/pieces.h"
 
 namespace voxeld::mesh {
 namespace {
@@ -15,7 +16,7 @@ constexpr size_t kBricksAtOnce = 256;
 
 template <typename Work>
 void for_each_brick_number(size_t bricks, Work&& work) {
-  ThreadPool::shared().for_each((bricks + kBricksAtOnce - 1) / kBricksAtOnce, [&](size_t part) {
+  parallel_for((bricks + kBricksAtOnce - 1) / kBricksAtOnce, [&](size_t part) {
     cancel_point();
     const size_t end = std::min(bricks, (part + 1) * kBricksAtOnce);
     for (size_t brick = part * kBricksAtOnce; brick < end; ++brick) work(brick);
@@ -51,7 +52,7 @@ void VertexTable::add(uint32_t brick, uint32_t in_brick, Rgba color) {
 
 void VertexTable::number_vertices() {
   std::vector<uint32_t> sizes(first_.size());
-  if (!has_colors_) before_.resize(first_.size());
+  if (!has_colors_) resize_in_pieces(before_, first_.size());
   for_each_brick_number(first_.size(), [&](size_t brick) {
     if (has_colors_) {
       const std::span keys(keys_.size() > 0 ? &keys_[begins_[brick]] : nullptr, counts_[brick]);
@@ -91,7 +92,7 @@ uint32_t VertexTable::find(uint32_t brick, uint32_t in_brick, Rgba color) const 
 UnsetArray<Vertex> VertexTable::vertices(Rgba color) const {
   UnsetArray<Vertex> vertices(size_);
   const auto& tiles = points_.index().tiles();
-  ThreadPool::shared().for_each(tiles.size(), [&](size_t t) {
+  parallel_for(tiles.size(), [&](size_t t) {
     cancel_point();
     uint32_t brick = tiles[t].first;
     for_each_brick_of(tiles[t].rows, [&](int x, int y, int z) {

@@ -35,8 +35,8 @@ Status encode_xyz(const Grid& grid, const OutputOptions& /*options*/, OutputFile
   std::vector<uint8_t> text;
   text.reserve(layout.point_bytes * grid.voxel_count());
   for (const SparseTile& tile : grid.tiles) {
-    cancel_point();
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
+      cancel_point();
       const glm::dvec3 center = grid.spec.world_from_grid(glm::dvec3(x, y, z) + 0.5);
       append(text, center.x, ' ');
       append(text, center.y, ' ');

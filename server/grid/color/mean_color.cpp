@@ -2,6 +2,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/grid/grid.h"
 
 namespace voxeld {
@@ -38,6 +40,7 @@ std::array<uint8_t, 3> mean_color(const Grid& grid) {
   uint64_t weight = 0;
   for (const SparseTile& tile : grid.tiles) {
     for (size_t i = 0; i + 4 <= tile.color.size(); i += 4) {
+      cancel_point_at(i / 4);
       const uint64_t alpha = tile.color[i + 3];
       for (size_t c = 0; c < 3; ++c) counts[c][tile.color[i + c]] += alpha;
       weight += alpha;

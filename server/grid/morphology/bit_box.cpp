@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
 
 namespace voxeld {
@@ -49,6 +50,7 @@ BitBox::BitBox(const CellBox& cells)
 void BitBox::mark(const SparseTile& tile) {
   const glm::ivec3 tile_first = first_cell_of(tile.coord);
   for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t) {
+    cancel_point();
     const auto at = morton_decode(morton);
     const glm::ivec3 first = tile_first + limits::kBrickSide * glm::ivec3(at[0], at[1], at[2]);
     if (first.x < cells_.min.x || first.x >= cells_.max.x) return;
@@ -116,6 +118,7 @@ SparseTile tile_of_bits(const TileCoord& coord, const BitBox& bits, const Channe
     if (!bits.has_row(cell.y, cell.z)) continue;
     const BrickMask mask = bits.brick(cell);
     if (mask == BrickMask{}) continue;
+    cancel_point();
     if (!channels.any()) {
       plain.brick_morton.push_back(brick);
       plain.masks.push_back(mask);

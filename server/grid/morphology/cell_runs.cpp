@@ -4,6 +4,7 @@
 #include <bit>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/grid/morphology/bit_box.h"
 
 namespace voxeld {
@@ -63,6 +64,7 @@ TileRuns::TileRuns(const SparseTile& tile) {
   bits.mark(tile);
   row_firsts.reserve(kTileRowCount + 1);
   for (int z = first.z; z < first.z + kTileRow; ++z) {
+    cancel_point();
     for (int y = first.y; y < first.y + kTileRow; ++y) {
       row_firsts.push_back(static_cast<uint32_t>(runs.size()));
       append_runs(bits.row(y, z), runs);
@@ -77,6 +79,7 @@ std::vector<ComponentSize> TileRuns::number_components(Neighbors neighbors) {
   // The neighbours among the rows before.
   constexpr std::array<std::array<int, 2>, 4> kBefore = {{{-1, 0}, {0, -1}, {-1, -1}, {1, -1}}};
   for (size_t row = 0; row < kTileRowCount; ++row) {
+    cancel_point();
     const auto y = static_cast<int>(row % kTileRow), z = static_cast<int>(row / kTileRow);
     for (const auto& [dy, dz] : kBefore) {
       const int slack = contact_slack(dy, dz, neighbors);
@@ -89,6 +92,7 @@ std::vector<ComponentSize> TileRuns::number_components(Neighbors neighbors) {
   }
   std::vector<ComponentSize> sizes;
   for (size_t row = 0; row < kTileRowCount; ++row) {
+    cancel_point();
     for (uint32_t i = row_firsts[row]; i < row_firsts[row + 1]; ++i) {
       // The lowest run of a component comes first and numbers it.
       const uint32_t lowest = sets.find(i);
@@ -107,6 +111,7 @@ std::vector<ComponentSize> TileRuns::number_components(Neighbors neighbors) {
 void TileRuns::keep_border() {
   std::vector<CellRun> kept;
   for (size_t row = 0; row < kTileRowCount; ++row) {
+    cancel_point();
     const size_t y = row % kTileRow, z = row / kTileRow;
     const bool is_outer = y == 0 || y == kTileRow - 1 || z == 0 || z == kTileRow - 1;
     const uint32_t begin = row_firsts[row], end = row_firsts[row + 1];

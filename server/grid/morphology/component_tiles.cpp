@@ -43,6 +43,7 @@ class Joiner {
     OpenTile tile{std::move(runs), static_cast<uint32_t>(parts_.size()), 0};
     firsts_.push_back(tile.first_part);
     for (const ComponentSize& size : sizes) {
+      cancel_point();
       constexpr auto kSide = uint32_t{limits::kTileSide};
       const auto at = [&](uint32_t cell) { return static_cast<int>(cell % kSide); };
       parts_.push_back({size.voxels,
@@ -59,6 +60,7 @@ class Joiner {
       const auto other = open_.find(number);
       for_each_contact(tile.runs, other->second.runs, offset, neighbors_,
                        [&](uint32_t a, uint32_t b) {
+                         cancel_point();
                          sets_.unite(tile.first_part + a, other->second.first_part + b);
                        });
       if (--other->second.later == 0) open_.erase(other);
@@ -70,6 +72,7 @@ class Joiner {
   std::vector<std::vector<bool>> largest(int count) {
     std::vector<uint32_t> roots;
     for (uint32_t i = 0; i < parts_.size(); ++i) {
+      cancel_point();
       const uint32_t root = sets_.find(i);
       if (root == i) {
         roots.push_back(i);
@@ -79,6 +82,7 @@ class Joiner {
       parts_[root].first = std::min(parts_[root].first, parts_[i].first);
     }
     const auto order = [&](uint32_t i) {
+      cancel_point();
       return std::tuple(UINT64_MAX - parts_[i].voxels, parts_[i].first);
     };
     std::ranges::sort(roots, {}, order);
@@ -90,6 +94,7 @@ class Joiner {
     for (size_t t = 0; t < firsts_.size(); ++t) {
       const size_t end = t + 1 < firsts_.size() ? firsts_[t + 1] : parts_.size();
       for (size_t i = firsts_[t]; i < end; ++i) {
+        cancel_point();
         kept[t].push_back(is_kept[sets_.find(static_cast<uint32_t>(i))]);
       }
     }
@@ -166,6 +171,7 @@ Result<SparseTile> ComponentTiles::tile(size_t index) const {
     const auto y = static_cast<int>(row % limits::kTileSide);
     const auto z = static_cast<int>(row / limits::kTileSide);
     uint64_t* words = bits.row(first.y + y, first.z + z);
+    cancel_point();
     for (uint32_t i = runs.row_firsts[row]; i < runs.row_firsts[row + 1]; ++i) {
       if (!kept[runs.runs[i].component]) continue;
       for (uint32_t x = runs.runs[i].begin; x < runs.runs[i].end; ++x) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/grid/tile_appender.h"
 
 namespace voxeld {
@@ -25,6 +26,7 @@ bool cuts_transparent(const OutputOptions& options) {
 }
 
 bool has_transparent_voxels(const SparseTile& tile) {
+  cancel_point();
   for (size_t i = 0; i + 4 <= tile.color.size(); i += 4) {
     if (is_transparent(&tile.color[i])) return true;
   }
@@ -35,6 +37,7 @@ void cut_transparent_voxels(SparseTile& tile, const ChannelSet& channels) {
   if (!has_transparent_voxels(tile)) return;
   TileAppender kept(tile.coord, channels);
   for_each_voxel(tile, [&](int x, int y, int z, size_t index) {
+    cancel_point();
     if (index != kNoAttributes && is_transparent(&tile.color[4 * index])) return;
     const auto in_tile = [](int cell) {
       return static_cast<uint32_t>(cell & (limits::kTileSide - 1));
@@ -45,9 +48,14 @@ void cut_transparent_voxels(SparseTile& tile, const ChannelSet& channels) {
 }
 
 Grid without_transparent_voxels(const Grid& grid) {
-  Grid kept = grid;
-  for (SparseTile& tile : kept.tiles) cut_transparent_voxels(tile, kept.channels);
-  std::erase_if(kept.tiles, [](const SparseTile& tile) { return tile.empty(); });
+  Grid kept;
+  kept.spec = grid.spec;
+  kept.channels = grid.channels;
+  kept.meta = grid.meta;
+  for (SparseTile tile : grid.tiles) {
+    cut_transparent_voxels(tile, kept.channels);
+    if (!tile.empty()) kept.tiles.push_back(std::move(tile));
+  }
   return kept;
 }
 

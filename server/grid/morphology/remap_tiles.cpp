@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
 
 namespace voxeld {
@@ -17,6 +18,7 @@ RemapTiles::RemapTiles(const TileSource& source, std::vector<LabelChange> change
 Result<SparseTile> RemapTiles::tile(size_t index) const {
   VOXELD_ASSIGN(SparseTile tile, source_.tile(index));
   for (uint16_t& label : tile.label) {
+    cancel_point();
     const auto at = std::ranges::lower_bound(changes_, label, {}, &LabelChange::from);
     if (at != changes_.end() && at->from == label) label = at->to;
   }

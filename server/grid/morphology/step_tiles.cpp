@@ -10,7 +10,9 @@
 
 #include "proto/limits.h"
 #include "proto/options/morphology_limits.h"
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
+#include "server/base/pieces.h"
 #include "server/grid/morphology/bit_box.h"
 
 namespace voxeld {
@@ -47,6 +49,7 @@ void step(const BitBox& in, Neighbors neighbors, BitBox& out) {
   const CellBox& box = in.cells();
   const int reach = reach_of(neighbors), words = in.words();
   for (int z = box.min.z; z < box.max.z; ++z) {
+    cancel_point();
     for (int y = box.min.y; y < box.max.y; ++y) {
       uint64_t* to = out.row(y, z);
       std::copy_n(in.row(y, z), words, to);
@@ -101,6 +104,7 @@ class StepMap {
   // `before` may be empty.
   void note(const std::vector<uint64_t>& now, const std::vector<uint64_t>& before, uint8_t number) {
     for (size_t word = 0; word < now.size(); ++word) {
+      cancel_point_at(word);
       uint64_t added = before.empty() ? now[word] : now[word] & ~before[word];
       for (; added != 0; added &= added - 1) {
         steps_[word * 64 + static_cast<size_t>(std::countr_zero(added))] = number;
@@ -146,7 +150,10 @@ class TileValues {
  public:
   explicit TileValues(const std::vector<SparseTile>& tiles) {
     lookups_.reserve(tiles.size());
-    for (const SparseTile& tile : tiles) lookups_.emplace_back(tile);
+    for (const SparseTile& tile : tiles) {
+      cancel_point();
+      lookups_.emplace_back(tile);
+    }
   }
   VoxelValues at(const glm::ivec3& cell) const {
     const glm::ivec3 coord = cell / limits::kTileSide;

@@ -5,16 +5,15 @@
 #include <charconv>
 #include <cmath>
 #include <glm/gtc/type_ptr.hpp>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
-#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/json_object.h"
+#include "server/scene/gltf/json_text.h"
 
 namespace voxeld::gltf {
 namespace {
@@ -387,106 +386,6 @@ Status read_members(std::string_view name, Json& root, bool with_animations, Doc
   return {};
 }
 
-// Counts brackets and commas outside strings. This needs no parser: text that nests deeper than the
-// limit, or has more values, has at least that many brackets or commas.
-Status check_shape(std::string_view name, std::string_view text) {
-  int depth = 0;
-  size_t value_count = 1;
-  bool in_string = false;
-  for (size_t i = 0, step = 0; i < text.size(); ++i, ++step) {
-    cancel_point_at(step);
-    const char c = text[i];
-    if (in_string) {
-      if (c == '\\') ++i;
-      if (c == '"') in_string = false;
-      continue;
-    }
-    if (c == '"') in_string = true;
-    if (c == '}' || c == ']') --depth;
-    if (c == '{' || c == '[') {
-      ++value_count;
-      if (++depth > limits::kGltfJsonDepthMax) {
-        return over_limit(name, "byte " + std::to_string(i), "depth of the JSON",
-                          limits::kGltfJsonDepthMax, depth);
-      }
-    }
-    if (c == ',' && ++value_count > kJsonValuesMax) {
-      return malformed_mesh(name, "byte " + std::to_string(i), "values in the JSON",
-                            "at most " + std::to_string(kJsonValuesMax), "more");
-    }
-  }
-  return {};
-}
-
-// Shortens "[json.exception.parse_error.101] parse error at line 1, column 5: syntax error …" by
-// the brackets and the place, and to 200 bytes. Anything but printable ASCII becomes '?', because
-// the text quotes the file, which need not be UTF-8.
-std::string short_reason(std::string_view what) {
-  if (const size_t end = what.find("] "); end != what.npos) what.remove_prefix(end + 2);
-  const size_t at = what.find("column ");
-  const size_t colon = at == what.npos ? what.npos : what.find(": ", at);
-  std::string text(what.substr(colon == what.npos ? 0 : colon + 2, 200));
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
-  return text;
-}
-
-// The characters of a text, with cancellation points between them: the parser reads all by one
-// call.
-class JsonText {
- public:
-  using iterator_category = std::forward_iterator_tag;
-  using value_type = char;
-  using difference_type = ptrdiff_t;
-  using pointer = const char*;
-  using reference = const char&;
-
-  JsonText() = default;
-  explicit JsonText(const char* at) : at_(at) {}
-
-  reference operator*() const { return *at_; }
-  JsonText& operator++() {
-    ++at_;
-    cancel_point_at(++count_);
-    return *this;
-  }
-  JsonText operator++(int) {
-    const JsonText before = *this;
-    ++*this;
-    return before;
-  }
-  bool operator==(const JsonText& other) const { return at_ == other.at_; }
-
- private:
-  const char* at_ = nullptr;
-  size_t count_ = 0;
-};
-
-// Frees the values of a tree one by one. Its destructor may take a second. The recursion is as deep
-// as that of add_used().
-void free_tree(Json& value) {
-  cancel_point();
-  if (auto* array = value.get_ptr<Json::array_t*>()) {
-    for (; !array->empty(); array->pop_back()) free_tree(array->back());
-  } else if (auto* object = value.get_ptr<Json::object_t*>()) {
-    for (; !object->empty(); object->erase(object->begin())) free_tree(object->begin()->second);
-  }
-}
-
-Result<Json> parse(std::string_view name, std::string_view text) {
-  VOXELD_TRY(check_shape(name, text));
-  try {
-    Json root = Json::parse(JsonText(text.data()), JsonText(text.data() + text.size()));
-    if (root.is_object()) return root;
-    return malformed_mesh(name, "", "the JSON is no object", "{\"asset\": …}", root.type_name());
-  } catch (const Json::parse_error& e) {
-    return malformed_mesh(name, "byte " + std::to_string(e.byte),
-                          "not JSON: " + short_reason(e.what()));
-  } catch (const Json::exception& e) {  // numbers beyond double
-    return malformed_mesh(name, "", "not JSON: " + short_reason(e.what()));
-  }
-}
-
 bool is_version_2(std::string_view version) {
   int major = 0;
   const char* last = version.data() + version.size();
@@ -599,13 +498,13 @@ std::string at_index(std::string_view array, size_t index) {
 
 Result<Document> read_document(std::string_view name, std::string_view json, bool with_animations,
                                Scene& scene) {
-  VOXELD_ASSIGN(Json root, parse(name, json));
+  VOXELD_ASSIGN(Json root, parse_json(name, json));
   VOXELD_TRY(check_version(name, root));
   Document document;
   document.name = name;
   Names extensions;
   VOXELD_TRY(read_members(name, root, with_animations, document, extensions));
-  free_tree(root);
+  free_json(root);
   for (const std::string& extension : extensions) {
     if (is_read_extension(extension)) continue;
     add_warning(scene, "ignored-extension",

@@ -22,8 +22,6 @@
 
 namespace voxeld::gltf {
 
-// JSON values in one file; a value takes up to about 100 bytes of memory. More: malformed-mesh.
-inline constexpr size_t kJsonValuesMax = 8'000'000;
 // Elements of one array (nodes, accessors, …); an element takes up to some 2 KB of memory. More:
 // malformed-mesh.
 inline constexpr size_t kArrayElementsMax = 262'144;

@@ -70,6 +70,7 @@ class FacetColors {
       return;
     }
     for (uint32_t i = 0; i < triangle_count && !viscam_; ++i) {
+      cancel_point();
       viscam_ = (read_u16(bytes.data() + kFirstTriangle + i * kTriangleBytes + kAttributeOffset) &
                  0x8000) != 0;
     }

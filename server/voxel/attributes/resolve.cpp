@@ -6,6 +6,7 @@
 
 #include "server/base/floor.h"
 #include "server/base/parallel.h"
+#include "server/base/pieces.h"
 #include "server/grid/color/color_tables.h"
 
 namespace voxeld {
@@ -144,6 +145,7 @@ void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> ca
   const size_t stride = options.channels.count();
   parallel_chunks(sums.size() / stride, kVoxelGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t v = begin; v < end; ++v) {
+      cancel_point_at(v);
       resolve_voxel(SplitSums(sums, carries, v * stride), options, voxel_first + v, tile);
     }
   });
@@ -153,6 +155,7 @@ void resolve_voxels(std::span<const uint64_t> sums, const ResolveOptions& option
                     size_t voxel_first, SparseTile& tile) {
   const size_t stride = options.channels.count();
   for (size_t v = 0; v < sums.size() / stride; ++v) {
+    cancel_point_at(v);
     resolve_voxel(&sums[v * stride], options, voxel_first + v, tile);
   }
 }

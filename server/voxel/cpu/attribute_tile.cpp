@@ -7,6 +7,7 @@
 
 #include <glm/common.hpp>
 
+#include "server/base/cancel_point.h"
 #include "server/grid/color/color_tables.h"
 #include "server/voxel/attributes/resolve.h"
 #include "server/voxel/attributes/sum_fold.h"
@@ -118,6 +119,7 @@ void CpuAttributes::find_boxes(const TileBin& bin) {
   const auto count = static_cast<int>(std::min(chunks, static_cast<size_t>(team_->threads())));
   team_->run(count, [&](int) {
     for (size_t chunk = next++; chunk < chunks; chunk = next++) {
+      cancel_point();
       const size_t end = std::min(boxes_.size(), (chunk + 1) * kBoxGrain);
       for (size_t t = chunk * kBoxGrain; t < end; ++t) {
         const Box cells = cell_box(corners_in_tile(plan_->mesh, bin.triangles[t], bin.coord));
@@ -139,6 +141,7 @@ void CpuAttributes::sort_triangles(const TileBin& bin) {
   starts_.assign(kOctantCount + 2, 0);
   wide_.clear();
   for (size_t t = 0; t < boxes_.size(); ++t) {
+    cancel_point();
     if (volume(boxes_[t]) > kListedOctantsMax) {
       wide_.push_back(bin.triangles[t]);
     } else {
@@ -150,6 +153,7 @@ void CpuAttributes::sort_triangles(const TileBin& bin) {
   // starts_[o + 1] is the place of octant o's next triangle. When the loop ends, it is where octant
   // o + 1 begins.
   for (size_t t = 0; t < boxes_.size(); ++t) {
+    cancel_point();
     if (volume(boxes_[t]) > kListedOctantsMax) continue;
     for_each_octant(boxes_[t],
                     [&](uint32_t octant) { list_[starts_[octant + 1]++] = bin.triangles[t]; });
@@ -158,6 +162,7 @@ void CpuAttributes::sort_triangles(const TileBin& bin) {
 
 void CpuAttributes::add_triangle(const TileBin& bin, uint32_t triangle,
                                  const AttributeTarget& target, AttributeVisitor& visitor) const {
+  cancel_point();
   const auto q = corners_in_tile(plan_->mesh, triangle, bin.coord);
   const Box box = cell_box(q);
   const Box common = {glm::max(box.first, target.cell_first), glm::min(box.last, target.cell_last)};
@@ -326,6 +331,7 @@ void CpuAttributes::run_shared_octants(const TileInput& input, SparseTile& tile)
     });
     std::vector<uint64_t>& sums = workers_[0].sums;
     for (size_t w = 1; w < threads; ++w) {
+      cancel_point();
       for (size_t i = 0; i < sum_count; ++i) sums[i] += workers_[w].sums[i];
     }
     resolve_voxels(sums, plan_->resolve_options(), octant.voxel_first, tile);

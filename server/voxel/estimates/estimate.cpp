@@ -88,6 +88,7 @@ SurfaceSize surface_size(const SnappedMesh& mesh, const GridSpec& spec) {
   parallel_chunks(mesh.triangles.size(), kSumGrain, [&](size_t chunk, size_t begin, size_t end) {
     std::array<int64_t, 2> sum{};
     for (size_t t = begin; t < end; ++t) {
+      cancel_point();
       const auto& v = mesh.triangles[t].vertices;
       const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]], &c = mesh.vertices[v[2]];
       const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
@@ -115,6 +116,7 @@ int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const Voxelize
   std::vector<int64_t> sums(chunk_count(mesh.triangles.size(), kSumGrain));
   parallel_chunks(mesh.triangles.size(), kSumGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      cancel_point();
       const auto& v = mesh.triangles[t].vertices;
       const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]], &c = mesh.vertices[v[2]];
       const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));

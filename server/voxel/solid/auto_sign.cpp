@@ -80,6 +80,7 @@ std::vector<Doubt> undecided(const Regions& regions, const std::vector<SparseTil
   for (const SparseTile& tile : doubtful) {
     const size_t number = regions.tile_number({tile.coord[0], tile.coord[1], tile.coord[2]});
     for_each_brick(tile, [&](uint32_t morton, const BrickMask& cells, size_t) {
+      cancel_point();
       Doubt doubt = {number, morton, {}, {}};
       doubt.free = both(cells, brick_of_planes(regions.reached(number, morton)));
       if (decides_touched) {
@@ -146,7 +147,10 @@ Status settle_enclosed(Regions& regions, std::vector<SparseTile>& doubtful,
 
 // One doubt for each brick, in ascending order of tile and brick.
 std::vector<Doubt> united(std::vector<Doubt> doubts) {
-  const auto place = [](const Doubt& one) { return std::pair(one.tile, one.morton); };
+  const auto place = [](const Doubt& one) {
+    cancel_point();
+    return std::pair(one.tile, one.morton);
+  };
   std::ranges::sort(doubts, {}, place);
   std::vector<Doubt> out;
   for (const Doubt& doubt : doubts) {
@@ -261,6 +265,7 @@ class Verdicts {
     std::ranges::sort(inside, {}, &SparseTile::coord);
     std::vector<glm::ivec3> all;
     const auto add = [&](const SparseTile& tile, uint32_t morton, BrickMask mask) {
+      cancel_point();
       const size_t number = regions_.tile_number({tile.coord[0], tile.coord[1], tile.coord[2]});
       mask = without(mask, brick_of_planes(regions_.touched(number, morton)));
       if (mask == BrickMask{}) return;
@@ -348,7 +353,10 @@ Status settle_doubt(const FillMesh& mesh, const glm::ivec3& dims, const AutoSett
   std::vector<Doubt> doubts = undecided(regions, doubtful, settings.decides_touched);
   VOXELD_TRY(settle_enclosed(regions, doubtful, progress, inside, doubts));
   doubts = united(std::move(doubts));
-  for (const Doubt& doubt : doubts) report.doubtful += static_cast<int64_t>(count_of(doubt.free));
+  for (const Doubt& doubt : doubts) {
+    cancel_point();
+    report.doubtful += static_cast<int64_t>(count_of(doubt.free));
+  }
   if (doubts.empty()) return {};
   Verdicts verdicts(mesh, dims, regions, team, progress);
   if (progress) VOXELD_TRY(progress(0));

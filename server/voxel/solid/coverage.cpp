@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -89,7 +90,10 @@ Result<CoverageCounts> CoverageCounts::of(const FillMesh& mesh, const glm::ivec3
   AxisVotes votes;
   const auto go_on = [&](size_t) { return progress ? progress(0) : Status(); };
   const auto take = [&](const std::vector<SparseTile>& tiles) {
-    for (const SparseTile& tile : tiles) result.add(tile, counts);
+    for (const SparseTile& tile : tiles) {
+      cancel_point();
+      result.add(tile, counts);
+    }
   };
   VOXELD_TRY(finder.find({finer, dims * kCoverageParts, sign, {}}, go_on, take, votes));
   result.sort();
@@ -140,6 +144,7 @@ CoverageCounts::TileCounts CoverageCounts::settled(const TileCounts* counts,
   TileCounts out;
   const std::vector<BrickMask> surface = bricks_of(touched), cells = bricks_of(inside);
   for (uint32_t brick = 0; brick < kTileBricks; ++brick) {
+    cancel_point();
     const BrickCounts* partial = counts == nullptr ? nullptr : find(*counts, brick);
     const uint8_t uniform = counts != nullptr && counts->full.test(brick) ? kAllParts : uint8_t{0};
     BrickCounts made;
@@ -186,7 +191,10 @@ const CoverageCounts::BrickCounts* CoverageCounts::find(const TileCounts& tile,
 }
 
 void CoverageCounts::spell_out(std::vector<SparseTile>& inside) const {
-  for (SparseTile& tile : inside) spell_out(find(tile), tile);
+  for (SparseTile& tile : inside) {
+    cancel_point();
+    spell_out(find(tile), tile);
+  }
 }
 
 void CoverageCounts::spell_out(const TileCounts* counts, SparseTile& tile) {
@@ -227,6 +235,7 @@ void CoverageCounts::write(const TileCounts* counts, SparseTile& tile) {
   tile.coverage.clear();
   tile.coverage.reserve(tile.attribute_count());
   for (size_t i = 0; i < tile.masks.size(); ++i) {
+    cancel_point();
     const uint32_t brick = tile.brick_morton[i];
     const BrickCounts* partial = counts == nullptr ? nullptr : find(*counts, brick);
     const bool is_full = counts != nullptr && counts->full.test(brick);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/regions.h"
 
 namespace voxeld {
@@ -34,6 +35,7 @@ Status flood_inside(std::span<const SparseTile> touched, const glm::ivec3& dims,
   Regions regions(touched, dims);
   VOXELD_TRY(regions.flood_outside(progress));
   for (size_t number = 0; number < regions.tile_count(); ++number) {
+    cancel_point();
     SparseTile tile = unreached(regions, number);
     if (!tile.empty()) tiles.push_back(std::move(tile));
   }

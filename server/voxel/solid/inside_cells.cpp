@@ -4,6 +4,8 @@
 #include <bit>
 #include <iterator>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 
 uint64_t count_of(const BrickMask& mask) {
@@ -73,6 +75,7 @@ void InsideCells::apply(const std::vector<Change>& changes, std::vector<BrickMas
   for_each_brick(tile,
                  [&](uint32_t morton, const BrickMask& mask, size_t) { bricks[morton] = mask; });
   for (const Change& change : changes) {
+    cancel_point();
     for (size_t w = 0; w < 8; ++w) {
       uint64_t& word = bricks[change.morton].words[w];
       word = change.inside ? word | change.cells.words[w] : word & ~change.cells.words[w];
@@ -92,6 +95,7 @@ void InsideCells::apply(const std::vector<Change>& changes, std::vector<BrickMas
 void InsideCells::finish() {
   std::vector<BrickMask> bricks;
   for (size_t number = 0; number < changes_.size(); ++number) {
+    cancel_point();
     if (!changes_[number].empty()) apply(changes_[number], bricks, tile_of(number));
   }
   std::erase_if(tiles_, [](const SparseTile& tile) { return tile.empty(); });

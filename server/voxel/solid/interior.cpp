@@ -25,6 +25,7 @@ class VoxelPlaces {
       const SparseTile& tile = tiles[t];
       numbers_[number_of({tile.coord[0], tile.coord[1], tile.coord[2]})] = static_cast<uint32_t>(t);
       uint32_t first = 0;
+      cancel_point();
       for (const BrickMask& mask : tile.masks) {
         first_[t].push_back(first);
         first += static_cast<uint32_t>(count_of(mask));
@@ -90,6 +91,7 @@ std::vector<std::vector<BrickPlace>> bricks_by_slab(const std::vector<SparseTile
   std::vector<std::vector<BrickPlace>> slabs(
       static_cast<size_t>((dims.x + limits::kBrickSide - 1) / limits::kBrickSide));
   for (size_t t = 0; t < tiles.size(); ++t) {
+    cancel_point();
     for (size_t b = 0; b < tiles[t].masks.size(); ++b) {
       const auto x = static_cast<size_t>(tiles[t].coord[0]) * kTileBricks +
                      morton_decode(tiles[t].brick_morton[b])[0];

@@ -92,6 +92,7 @@ class TileMerger {
   }
 
   void add_brick(uint32_t morton, const BrickMask& more) {
+    cancel_point();
     BrickMask of_surface, mask = more;
     if (inside_brick() == morton) {
       for (size_t w = 0; w < 8; ++w) mask.words[w] |= inside_.masks[i_].words[w];
@@ -204,6 +205,7 @@ void keep_inside(const std::vector<SparseTile>& inside, std::vector<SparseTile>&
     const auto cells = tiles.find(tile.coord);
     size_t first = 0;
     for (size_t b = 0; cells != tiles.end() && b < tile.masks.size(); ++b) {
+      cancel_point();
       BrickMask common = brick_of(*cells->second, tile.brick_morton[b]);
       for (size_t w = 0; w < 8; ++w) common.words[w] &= tile.masks[b].words[w];
       size_t voxel = first;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -75,7 +77,10 @@ Regions::Regions(std::span<const SparseTile> touched, const glm::ivec3& dims)
     : tile_dims_((dims + limits::kTileSide - 1) / limits::kTileSide),
       bricks_(tile_dims_ * kTileBricks) {
   tiles_.resize(tile_number(tile_dims_ - 1) + 1);
-  for (const SparseTile& tile : touched) add_tile(tile);
+  for (const SparseTile& tile : touched) {
+    cancel_point();
+    add_tile(tile);
+  }
 }
 
 int64_t Regions::bytes_for(const glm::ivec3& dims, int64_t surface_bytes) {
@@ -129,6 +134,7 @@ Status Regions::flood(const Piece& start, Turn turn, const Visit& visit,
 
 std::optional<Regions::Piece> Regions::next() {
   for (; next_tile_ < tiles_.size(); ++next_tile_, next_brick_ = 0) {
+    cancel_point();
     const Tile& tile = tiles_[next_tile_];
     if (tile.places == nullptr) {
       if (tile.turns == 0) return Piece{tile_at(next_tile_), kWholeTile, all_cells()};
@@ -174,6 +180,7 @@ BrickPlanes Regions::touched(size_t number, uint32_t brick) const {
 
 Status Regions::run(const ColumnProgress& progress) {
   for (size_t visits = 1; !queue_.empty(); ++visits) {
+    cancel_point();
     const Item item = queue_.back();
     queue_.pop_back();
     visit(item);

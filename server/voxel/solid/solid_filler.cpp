@@ -7,6 +7,7 @@
 
 #include "proto/limits.h"
 #include "proto/options/values.h"
+#include "server/base/cancel_point.h"
 #include "server/base/clock.h"
 #include "server/voxel/pipelines/fallback.h"
 #include "server/voxel/solid/auto_sign.h"
@@ -31,10 +32,12 @@ double total(const StageTimes& passes) {
 // Whether some cell is not surface.
 bool has_cells_beside(const std::vector<SparseTile>& cells, const SurfaceTiles& surface) {
   for (const SparseTile& tile : cells) {
+    cancel_point();
     const SparseTile* beside = surface.find({tile.coord[0], tile.coord[1], tile.coord[2]});
     if (tile.voxel_count() > 0 && beside == nullptr) return true;
     bool found = false;
     for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t) {
+      cancel_point();
       found = found || count_beside(mask, beside, morton) > 0;
     });
     if (found) return true;
@@ -198,9 +201,13 @@ Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progre
     VOXELD_TRY(check_host_bytes(plan.spec, interior_bytes(plan.spec, tiles, found, channels),
                                 host_bytes_max_));
     for (const SparseTile& tile : tiles) {
+      cancel_point();
       surface.push_back({tile.coord, tile.brick_morton, tile.masks, {}});
     }
-    for (SparseTile& tile : found) spell_out_full(tile);
+    for (SparseTile& tile : found) {
+      cancel_point();
+      spell_out_full(tile);
+    }
   }
   merge_tiles(std::move(found), channels, team_, tiles);
   add_stage(stats.passes, "merge", watch.lap());
@@ -243,7 +250,10 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   }
   if (plan.keeps_inside) keep_inside(found, tiles);
   // Makes room for distances. They are measured last, when all voxels exist.
-  for (SparseTile& tile : tiles) resize_channels(tile, plan.channels.grid);
+  for (SparseTile& tile : tiles) {
+    cancel_point();
+    resize_channels(tile, plan.channels.grid);
+  }
   if (kind != Fill::kSurface) {
     VOXELD_TRY(unite(plan, progress, std::move(found), tiles, stats));
   }

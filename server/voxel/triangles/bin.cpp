@@ -98,6 +98,7 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
       if (tile == tiles[triangle.vertices[1]] && tile == tiles[triangle.vertices[2]]) {
         visit(t, tile);
       } else {
+        cancel_point();
         for_each_tile(tile_span(mesh, triangle, tile_dims), tile_dims,
                       [&](uint32_t one) { visit(t, one); });
       }

@@ -143,6 +143,7 @@ class TriangleSnapper {
 
   // Adds the pieces that clipping and splitting leave of a triangle.
   void add_pieces(const std::array<uint32_t, 3>& vertices, ChunkOutput& out) const {
+    cancel_point();
     std::array<glm::dvec3, 3> p_grid;
     for (size_t i = 0; i < 3; ++i) {
       p_grid[i] = spec_.grid_from_world(world_from_file_(part_.positions[vertices[i] - base_]));

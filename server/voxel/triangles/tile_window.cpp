@@ -126,6 +126,7 @@ bool fill_tile_window(const SnappedMesh& mesh, const GridSpec& spec, const glm::
     out.items.reserve((end - begin) + (end - begin) / 4);
     size_t run = begin < end ? run_at(begin) : 0;
     for (size_t t = begin; t < end && out.items.size() <= kWindowItemsMax; ++t) {
+      cancel_point();
       while (t >= window.image_runs[run].first + window.image_runs[run].count) ++run;
       const auto& vertices = mesh.triangles[triangles[t]].vertices;
       const std::array<glm::ivec3, 3> file_q = {mesh.vertices[vertices[0]] - tile_q,

@@ -7,7 +7,9 @@
 #include <cerrno>
 #include <system_error>
 
+#include "server/base/cancel_point.h"
 #include "server/base/clock.h"
+#include "server/base/parallel.h"
 #include "server/worker/grids/tile_parts.h"
 
 namespace voxeld {
@@ -37,7 +39,7 @@ Status copy_rest(const UniqueFd& from, off_t at, const UniqueFd& to,
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) return errno_error("read", path);
     if (count == 0) return {};
-    VOXELD_TRY(write_all(to.get(), std::span(buffer).first(static_cast<size_t>(count))));
+    VOXELD_TRY(write_in_pieces(to.get(), std::span(buffer).first(static_cast<size_t>(count))));
     at += count;
   }
 }
@@ -57,9 +59,18 @@ Status GridFile::begin(const Grid& grid) {
   return {};
 }
 
+// Like encode_tiles(), within the task's CancelScope.
 Status GridFile::add(std::span<const SparseTile> tiles) {
-  VOXELD_ASSIGN(const std::vector<EncodedTile> encoded, encode_tiles(tiles, writer_->header()));
-  return add_encoded(encoded);
+  std::vector<Result<EncodedTile>> encoded(tiles.size(), Result<EncodedTile>(EncodedTile()));
+  parallel_for(tiles.size(), [&](size_t i) {
+    cancel_point();
+    if (!tiles[i].empty()) encoded[i] = encode_tile(tiles[i], writer_->header());
+  });
+  for (Result<EncodedTile>& tile : encoded) {
+    if (!tile) return std::move(tile).error();
+    if (!tile->octree.empty()) VOXELD_TRY(store(*tile));
+  }
+  return {};
 }
 
 Status GridFile::add_encoded(std::span<const EncodedTile> tiles) {
@@ -78,7 +89,7 @@ Status GridFile::spill() {
   if (!spilled_.valid()) {
     VOXELD_ASSIGN(spilled_, create(spill_path()));
   }
-  VOXELD_TRY(write_all(spilled_.get(), pending_));
+  VOXELD_TRY(write_in_pieces(spilled_.get(), pending_));
   spilled_bytes_ += pending_.size();
   pending_.clear();
   return {};
@@ -93,21 +104,21 @@ Status GridFile::begin_parts() {
 Status GridFile::write_part(const std::filesystem::path& path, const std::string& meta_json) {
   VOXELD_ASSIGN(const std::vector<uint8_t> front, part_->finish(meta_json));
   VOXELD_ASSIGN(const UniqueFd file, create(path));
-  VOXELD_TRY(write_all(file.get(), front));
+  VOXELD_TRY(write_in_pieces(file.get(), front));
   if (part_begin_ < spilled_bytes_) {
     VOXELD_TRY(copy_rest(spilled_, static_cast<off_t>(part_begin_), file, spill_path()));
   }
   const uint64_t of_pending = std::max(part_begin_, spilled_bytes_) - spilled_bytes_;
-  VOXELD_TRY(write_all(file.get(), std::span(pending_).subspan(of_pending)));
+  VOXELD_TRY(write_in_pieces(file.get(), std::span(pending_).subspan(of_pending)));
   return begin_parts();
 }
 
 Status GridFile::finish(const GridMeta& meta) {
   VOXELD_ASSIGN(const std::vector<uint8_t> front, writer_->finish(meta.text()));
   VOXELD_ASSIGN(const UniqueFd file, create(path_));
-  VOXELD_TRY(write_all(file.get(), front));
+  VOXELD_TRY(write_in_pieces(file.get(), front));
   if (spilled_.valid()) VOXELD_TRY(copy_rest(spilled_, 0, file, spill_path()));
-  return write_all(file.get(), pending_);
+  return write_in_pieces(file.get(), pending_);
 }
 
 Status GridOutput::begin(const Grid& grid) {
@@ -127,6 +138,7 @@ Status GridOutput::add(std::vector<SparseTile> tiles) {
 
 void GridOutput::note(std::vector<SparseTile> tiles) {
   for (const SparseTile& tile : tiles) {
+    cancel_point();
     hasher_->add(tile);
     kept_bytes_ += bytes_of(tile);
   }

@@ -74,7 +74,7 @@ class PositionNumbers {
   }
 
   std::vector<uint32_t> slots_;
-  size_t mask_;
+  size_t mask_ = 0;
   std::vector<glm::dvec3> positions_;
 };
 

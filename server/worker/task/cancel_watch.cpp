@@ -22,7 +22,6 @@ CancelWatch::CancelWatch(const CancelScope& scope, std::function<std::string()> 
     : scope_(scope),
       stage_(std::move(stage)),
       tick_(std::move(tick)),
-      points_(scope.points_passed()),
       looked_at_(Clock::now()),
       cpu_ms_(process_cpu_ms()),
       thread_([this] { run(); }) {}
@@ -51,13 +50,12 @@ void CancelWatch::run() {
 }
 
 void CancelWatch::look() {
-  const uint64_t points = scope_.points_passed();
+  const bool has_passed = scope_.has_passed_points();
   const auto now = Clock::now();
   const double cpu_ms = process_cpu_ms();
   const double passed_ms = std::chrono::duration<double, std::milli>(now - looked_at_).count();
   const double worked_ms = std::min(passed_ms, cpu_ms - cpu_ms_);
-  since_point_ms_ = points == points_ ? since_point_ms_ + worked_ms : 0;
-  points_ = points;
+  since_point_ms_ = has_passed ? 0 : since_point_ms_ + worked_ms;
   looked_at_ = now;
   cpu_ms_ = cpu_ms;
   if (since_point_ms_ > longest_.ms) longest_ = {since_point_ms_, stage_()};

@@ -48,7 +48,6 @@ class CancelWatch {
   CondVar wake_;
   bool ending_ GUARDED_BY(mutex_) = false;
   // As of the last look.
-  uint64_t points_ GUARDED_BY(mutex_);
   Clock::time_point looked_at_ GUARDED_BY(mutex_);
   double cpu_ms_ GUARDED_BY(mutex_);
   double since_point_ms_ GUARDED_BY(mutex_) = 0;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
 #include "server/base/guard.h"
 #include "server/base/thread_annotations.h"
 
@@ -67,6 +68,7 @@ struct SerialQueue::State : std::enable_shared_from_this<State> {
     Status done;
     std::exception_ptr failure;
     try {
+      const BorrowedCancelScope borrowed(scope);
       done = item.work();
     } catch (...) {
       failure = std::current_exception();
@@ -107,6 +109,7 @@ struct SerialQueue::State : std::enable_shared_from_this<State> {
   }
 
   const size_t bytes_max;
+  const CancelScope* const scope = internal::cancel_scope;  // of the thread that pushes
   Mutex mutex;
   CondVar changed;
   std::deque<Item> items GUARDED_BY(mutex);  // those that wait

@@ -9,7 +9,8 @@
 namespace voxeld {
 
 // Runs items one after another, in order, on threads of the process's pool (proto/thread_pool.h).
-// After an error it runs no more. One thread pushes items; their exceptions are rethrown there.
+// After an error it runs no more. One thread makes the queue and pushes items; their exceptions are
+// rethrown there, and they run within the CancelScope in which it made the queue.
 // That thread runs items itself where it would only wait for them, so a queue comes to its end
 // however busy the pool is.
 class SerialQueue {

@@ -4,10 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
 
 namespace voxeld {
@@ -67,6 +69,20 @@ class GridFileTest : public ::testing::Test {
 
   fs::path folder_;
 };
+
+TEST_F(GridFileTest, encoding_ends_at_cancellation_points) {
+  const Grid grid = sheet();
+  GridFile file(folder_ / "grid.voxg", Codec::kFast);
+  ASSERT_TRUE(file.begin(grid).ok());
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  EXPECT_THROW((void)file.add(grid.tiles), Cancelled);
+  for (const Codec codec : {Codec::kFast, Codec::kSmall}) {
+    GridHeader header = container_header(grid);
+    header.codecs = StreamCodecs::all(codec);
+    EXPECT_THROW((void)encode_tile(grid.tiles.front(), header), Cancelled);  // of the codec itself
+  }
+}
 
 TEST_F(GridFileTest, has_the_bytes_of_a_container_written_at_once) {
   const Grid grid = sheet();

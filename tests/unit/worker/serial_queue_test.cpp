@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
 #include "tests/unit/base/comes_true.h"
 
 namespace voxeld {
@@ -84,6 +85,17 @@ TEST(SerialQueue, exceptions_come_back_to_the_pushing_thread) {
   SerialQueue side(0);
   (void)side.push(0, []() -> Status { throw std::bad_alloc(); });
   EXPECT_THROW((void)side.wait(), std::bad_alloc);
+}
+
+TEST(SerialQueue, work_ends_at_cancellation_points_of_the_thread_that_made_the_queue) {
+  std::atomic<bool> flag{false};
+  const CancelScope scope(flag);
+  SerialQueue side(0);
+  (void)side.push(0, [&]() -> Status {
+    flag = true;
+    while (true) cancel_point();
+  });
+  EXPECT_THROW((void)side.wait(), Cancelled);
 }
 
 TEST(SerialQueue, a_push_over_the_limit_waits) {

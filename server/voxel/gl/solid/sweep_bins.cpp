@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -61,12 +63,14 @@ SweepBins::SweepBins(const FillMesh& mesh, int axis, const glm::ivec3& dims, int
   };
   const size_t triangles = mesh.triangle_count();
   for (size_t t = 0; t < triangles; ++t) {
+    cancel_point();
     for_each_bin(t, [&](size_t bin) { ++first_[bin + 1]; });
   }
   for (size_t bin = 1; bin < first_.size(); ++bin) first_[bin] += first_[bin - 1];
   list_.resize(first_.back());
   std::vector<size_t> place(first_.begin(), first_.end() - 1);
   for (size_t t = 0; t < triangles; ++t) {
+    cancel_point();
     for_each_bin(t, [&](size_t bin) { list_[place[bin]++] = static_cast<uint32_t>(t); });
   }
 }

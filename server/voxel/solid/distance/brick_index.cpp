@@ -1,5 +1,7 @@
 #include "server/voxel/solid/distance/brick_index.h"
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -19,6 +21,7 @@ BrickIndex::BrickIndex(std::span<const SparseTile> tiles, const glm::ivec3& dims
   slots_.resize(tile_number(tile_dims_ - 1) + 1);
   for (const SparseTile& tile : tiles) {
     if (tile.empty()) continue;
+    cancel_point();
     auto& slots = slots_[tile_number({tile.coord[0], tile.coord[1], tile.coord[2]})];
     slots = std::make_unique<Slots>(kTileBrickCount);
     for (size_t i = 0; i < tile.masks.size(); ++i) (*slots)[tile.brick_morton[i]] = &tile.masks[i];

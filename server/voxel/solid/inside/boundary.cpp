@@ -24,6 +24,7 @@ class PointNumbers {
   }
 
   uint32_t number_of(const glm::ivec3& q) {
+    cancel_point();
     const size_t mask = slots_.size() - 1;
     size_t slot = hash_of(q) & mask;
     while (slots_[slot] != kEmpty) {

@@ -91,6 +91,7 @@ void ColumnMaker::run(const InsidePlan& plan, size_t column, const ColumnShare& 
   parity_.begin_column();
   if (winding_ != nullptr) winding_->begin_column();
   for (int z = 0; z < plan.tiles_z(); ++z) {
+    cancel_point();
     const glm::ivec3 tile(corner.x / limits::kTileSide, corner.y / limits::kTileSide, z);
     const int base = z * limits::kTileSide;
     extent.size[2] = std::min(limits::kTileSide, plan.job.dims.z - base);

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/inside/crossings.h"
 
 namespace voxeld {
@@ -19,6 +20,7 @@ class ColumnWinding {
   template <typename Inside>
   void append_changes(const Inside& inside, std::vector<Crossing>& out) const {
     for (size_t i = 0; i < sorted_.size();) {
+      cancel_point();
       const uint32_t column = crossing_column(sorted_[i]);
       bool was_inside = false;
       for (int winding = 0; i < sorted_.size() && crossing_column(sorted_[i]) == column;) {

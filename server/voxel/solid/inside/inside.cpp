@@ -7,6 +7,7 @@
 #include <memory>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/inside/column_maker.h"
 
 namespace voxeld {
@@ -35,6 +36,7 @@ class ColumnTiles {
   void move_to(const TriangleColumns& columns, size_t column, std::vector<SparseTile>& out) {
     const ColumnWindow window = columns.window(column);
     for (size_t z = 0; z < whole_.size(); ++z) {
+      cancel_point();
       SparseTile tile;
       tile.coord = {window.u_first / limits::kTileSide, window.v_first / limits::kTileSide,
                     static_cast<int32_t>(z)};

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "server/base/pieces.h"
+
 namespace voxeld {
 namespace {
 
@@ -33,10 +35,10 @@ int SweepZ::uniform() const {
 }
 
 void SweepZ::toggle(std::span<const Crossing> crossings, int v_offset, int base) {
-  for (const Crossing c : crossings) {
+  for_each_in_pieces(crossings, [&](Crossing c) {
     volume_.toggle(crossing_u(c), crossing_v(c) + static_cast<uint32_t>(v_offset),
                    static_cast<uint32_t>(crossing_cell(c) - base));
-  }
+  });
 }
 
 void SweepZ::next_row(int brick_y, int brick_z, BrickRow& rows) {
@@ -61,10 +63,11 @@ void SweepZ::next_row(int brick_y, int brick_z, BrickRow& rows) {
 void SweepX::begin_tile(std::span<const Crossing> below, std::span<const Crossing> in_tile,
                         int base) {
   entry_.fill(0);
-  for (const Crossing c : below) entry_[crossing_v(c) * limits::kTileSide + crossing_u(c)] ^= 1;
-  for (const Crossing c : in_tile) {
+  for_each_in_pieces(
+      below, [&](Crossing c) { entry_[crossing_v(c) * limits::kTileSide + crossing_u(c)] ^= 1; });
+  for_each_in_pieces(in_tile, [&](Crossing c) {
     volume_.toggle(static_cast<uint32_t>(crossing_cell(c) - base), crossing_u(c), crossing_v(c));
-  }
+  });
 }
 
 void SweepX::next_row(int brick_y, int brick_z, BrickRow& rows) {
@@ -89,13 +92,13 @@ void SweepX::next_row(int brick_y, int brick_z, BrickRow& rows) {
 void SweepY::begin_tile(std::span<const Crossing> below, std::span<const Crossing> in_tile,
                         int base) {
   carry_.fill(0);
-  for (const Crossing c : below) {
+  for_each_in_pieces(below, [&](Crossing c) {
     carry_[crossing_u(c) * kBlockRowWords + (crossing_v(c) >> 6)] ^= uint64_t{1}
                                                                      << (crossing_v(c) & 63);
-  }
-  for (const Crossing c : in_tile) {
+  });
+  for_each_in_pieces(in_tile, [&](Crossing c) {
     volume_.toggle(crossing_v(c), static_cast<uint32_t>(crossing_cell(c) - base), crossing_u(c));
-  }
+  });
 }
 
 void SweepY::next_row(int brick_y, int brick_z, BrickRow& rows) {

@@ -93,6 +93,7 @@ WindingField::WindingField(const std::vector<glm::ivec3>& triangles, int sub_vox
     : half_cell_(int64_t{1} << sub_voxel_bits), far_radii_(far_radii) {
   const auto point = [](const glm::ivec3& q) { return glm::i64vec3(q) * int64_t{2} + int64_t{1}; };
   for (size_t i = 0; i + 2 < triangles.size(); i += 3) {
+    cancel_point();
     const Triangle t = {point(triangles[i]), point(triangles[i + 1]), point(triangles[i + 2])};
     cancel_point();
     if (t.a != t.c && t.b != t.c) push_in_pieces(triangles_, t);

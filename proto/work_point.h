@@ -1,0 +1,16 @@
+// Lets the server end long work of the codecs, which clients share with it.
+#pragma once
+
+#include <atomic>
+
+namespace voxeld {
+
+// Null, or a function that may throw; the server sets it (server/base/cancel_point.h).
+inline constinit std::atomic<void (*)()> work_point_function{nullptr};
+
+// Called every few milliseconds of work.
+inline void work_point() {
+  if (const auto call = work_point_function.load(std::memory_order_relaxed)) call();
+}
+
+}  // namespace voxeld
