@@ -19,7 +19,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr int kKeyBits = 21;  // bits of the Morton order on each axis
 
 // Spreads 21 bits to every third bit of 63.
-uint64_t spread(uint64_t v) {
+uint64_t spread_bits(uint64_t v) {
   v &= 0x1fffff;
   v = (v | v << 32) & 0x1f00000000ffffull;
   v = (v | v << 16) & 0x1f0000ff0000ffull;
@@ -76,8 +76,8 @@ TriangleTree::TriangleTree(const FillMesh& mesh) {
   std::vector<std::pair<uint64_t, uint32_t>> order(count);
   for (size_t t = 0; t < count; ++t) {
     const glm::i64vec3 at = (middle(t) - low) >> int64_t{shift};
-    order[t] = {spread(static_cast<uint64_t>(at.x)) | spread(static_cast<uint64_t>(at.y)) << 1 |
-                    spread(static_cast<uint64_t>(at.z)) << 2,
+    order[t] = {spread_bits(static_cast<uint64_t>(at.x)) | spread_bits(static_cast<uint64_t>(at.y)) << 1 |
+                    spread_bits(static_cast<uint64_t>(at.z)) << 2,
                 static_cast<uint32_t>(t)};
   }
   std::ranges::sort(order);
