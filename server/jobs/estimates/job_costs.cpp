@@ -54,7 +54,7 @@ std::string voxelize_sort(const VoxelizeOptions& options) {
   std::string sort(kFills[static_cast<size_t>(options.fill)]);
   if (options.fill != Fill::kSurface && options.sign != Sign::kAuto) {
     sort += ' ';
-    sort += sign_name(options.sign);
+    sort += option_words::sign_name(options.sign);
   }
   const auto has = [&](bool is_measure) {
     return std::ranges::any_of(kChannels, [&](const ChannelInfo& info) {
