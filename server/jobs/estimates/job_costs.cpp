@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "proto/options/words.h"
 #include "server/base/disk/file.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
@@ -27,6 +28,9 @@ constexpr CostRegression::Guess kWorkerGuess{0.1, 1.6, 0.4};
 constexpr CostRegression::Guess kDeviceGuess{0.02, 2.0, 0.3};
 constexpr CostRegression::Guess kResultGuess{1e5, 2.0, 0.1};
 constexpr CostRegression::Guess kHostGuess{1e8, 0.3, 0.3};
+
+// Rays along each side of a pixel where the renderer chooses.
+constexpr int kUsualSamples = 2;
 
 constexpr std::array<std::string_view, 4> kQuantities = {"seconds", "device_seconds",
                                                          "result_bytes", "host_bytes"};
@@ -48,6 +52,10 @@ double frames_of(const AnimationOptions& animation) {
 std::string voxelize_sort(const VoxelizeOptions& options) {
   constexpr std::array<std::string_view, 4> kFills = {" surface", " solid", " shell", " band"};
   std::string sort(kFills[static_cast<size_t>(options.fill)]);
+  if (options.fill != Fill::kSurface && options.sign != Sign::kAuto) {
+    sort += ' ';
+    sort += option_words::sign_name(options.sign);
+  }
   const auto has = [&](bool is_measure) {
     return std::ranges::any_of(kChannels, [&](const ChannelInfo& info) {
       return info.is_measure() == is_measure && options.names(info.channel);
@@ -72,9 +80,10 @@ JobWork work_of(JobKind kind, const RequestOptions& options, int64_t input_bytes
     work.features.side = side_of(options.voxelize.placement);
     work.features.frames = frames_of(options.animation);
   } else if (kind == JobKind::kRender) {
-    work.features.side =
-        std::sqrt(static_cast<double>(options.render.width) * options.render.height);
-    work.features.frames = frames_of(options.animation);
+    const RenderOptions& render = options.render;
+    work.features.side = std::sqrt(static_cast<double>(render.width) * render.height) *
+                         (render.samples > 0 ? render.samples : kUsualSamples);
+    work.features.frames = render.turntable > 0 ? render.turntable : frames_of(options.animation);
   }
   return work;
 }
@@ -202,6 +211,21 @@ void JobCosts::learn(const JobWork& work, const JobStatus& done) {
     const json& peak = meta["host_bytes_peak"];
     if (peak.is_number()) sort.host_bytes.observe(one, peak.get<double>());
   }
+  note_new();
+}
+
+void JobCosts::learn_at_least(const JobWork& work, double device_seconds) {
+  const MutexLock lock(mutex_);
+  if (sorts_.size() >= kSortsMax && !sorts_.contains(work.sort)) return;
+  Sort& sort = sorts_[work.sort];
+  if (device_seconds <= sort.device_seconds.predict(work.features).expected) return;
+  sort.device_seconds.observe(work.features, device_seconds);
+  const double worker_seconds = sort.worker_seconds.predict(work.features).expected;
+  sort.worker_seconds.observe(work.features, std::max(worker_seconds, device_seconds));
+  note_new();
+}
+
+void JobCosts::note_new() {
   is_new_ = true;
   if (since_saved_.ms() > kSaveSeconds * 1000) save();
 }

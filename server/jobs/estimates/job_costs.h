@@ -40,6 +40,9 @@ class JobCosts {
   JobEstimate estimate(const JobWork& work) const EXCLUDES(mutex_);
   // A job that ran; jobs that got another one's result do not count.
   void learn(const JobWork& work, const JobStatus& done) EXCLUDES(mutex_);
+  // A job that ended early, after so long on the device. It counts where it was expected to need
+  // less in all: hostile requests, which nobody waits for, would never be learned otherwise.
+  void learn_at_least(const JobWork& work, double device_seconds) EXCLUDES(mutex_);
 
  private:
   // The cost models of one kind of jobs.
@@ -50,6 +53,7 @@ class JobCosts {
   };
   void load();
   void save() REQUIRES(mutex_);
+  void note_new() REQUIRES(mutex_);
 
   const std::filesystem::path file_;
   mutable Mutex mutex_;

@@ -47,7 +47,9 @@ void QueueForecast::changed(const JobRecord& record, int64_t input_bytes) {
   if (status.ended()) {
     const auto found = live_.find(status.id);
     if (found == live_.end()) return;
-    if (status.state == JobState::kDone && !status.cached) {
+    if (status.state != JobState::kDone) {
+      costs_.learn_at_least(found->second.work, status.device_ms / 1000);
+    } else if (!status.cached) {
       costs_.learn(found->second.work, status);
     }
     live_.erase(found);

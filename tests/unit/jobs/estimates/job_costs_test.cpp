@@ -56,6 +56,37 @@ TEST_F(JobCostsTest, jobs_of_each_format_are_a_sort_of_their_own) {
   }
 }
 
+TEST_F(JobCostsTest, images_cost_by_their_rays) {
+  RequestOptions options;
+  options.render.width = options.render.height = 1000;
+  options.render.samples = 1;
+  const CostFeatures one = work_of(JobKind::kRender, options, 1 << 20).features;
+  options.render.samples = 4;
+  options.render.turntable = 360;
+  const CostFeatures many = work_of(JobKind::kRender, options, 1 << 20).features;
+  EXPECT_DOUBLE_EQ(many.side, 4 * one.side);
+  EXPECT_DOUBLE_EQ(many.frames, 360 * one.frames);
+}
+
+TEST_F(JobCostsTest, solids_cost_by_their_sign) {
+  RequestOptions solid = options(256);
+  solid.voxelize.fill = Fill::kSolid;
+  const std::string plain = work_of(JobKind::kVoxelize, solid, 1 << 20).sort;
+  solid.voxelize.sign = Sign::kWinding;
+  EXPECT_NE(work_of(JobKind::kVoxelize, solid, 1 << 20).sort, plain);
+}
+
+TEST_F(JobCostsTest, a_job_that_was_cancelled_late_is_expected_to_take_long) {
+  JobCosts costs(file());
+  const double guess = costs.estimate(work(256)).device_seconds;
+  costs.learn_at_least(work(256), guess / 2);
+  EXPECT_DOUBLE_EQ(costs.estimate(work(256)).device_seconds, guess);
+  costs.learn_at_least(work(256), 1000 * guess);
+  const JobEstimate learned = costs.estimate(work(256));
+  EXPECT_GT(learned.device_seconds, 100 * guess);
+  EXPECT_GE(learned.seconds, learned.device_seconds);
+}
+
 TEST_F(JobCostsTest, jobs_of_other_sorts_teach_nothing) {
   JobCosts costs(file());
   for (int i = 0; i < 200; ++i) costs.learn(work(256), done_job());
