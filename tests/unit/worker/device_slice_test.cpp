@@ -54,8 +54,8 @@ TEST_F(DeviceSliceTest, is_renewed_at_cancellation_points) {
   const CancelScope scope(flag_, &slice_.pause());
   ASSERT_TRUE(slice_.begin().ok());
   work_until_begun(4);
-  EXPECT_EQ(asked_, (std::vector<std::string>{"slice_take", "slice_renew", "slice_renew",
-                                              "slice_renew"}));
+  EXPECT_EQ(asked_,
+            (std::vector<std::string>{"slice_take", "slice_renew", "slice_renew", "slice_renew"}));
 }
 
 TEST_F(DeviceSliceTest, is_renewed_by_any_thread_of_a_loop) {

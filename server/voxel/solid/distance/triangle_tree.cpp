@@ -76,7 +76,8 @@ TriangleTree::TriangleTree(const FillMesh& mesh) {
   std::vector<std::pair<uint64_t, uint32_t>> order(count);
   for (size_t t = 0; t < count; ++t) {
     const glm::i64vec3 at = (middle(t) - low) >> int64_t{shift};
-    order[t] = {spread_bits(static_cast<uint64_t>(at.x)) | spread_bits(static_cast<uint64_t>(at.y)) << 1 |
+    order[t] = {spread_bits(static_cast<uint64_t>(at.x)) |
+                    spread_bits(static_cast<uint64_t>(at.y)) << 1 |
                     spread_bits(static_cast<uint64_t>(at.z)) << 2,
                 static_cast<uint32_t>(t)};
   }
