@@ -24,17 +24,15 @@ struct Pair {
 
 Pair pair_at(const std::array<double, 3>& corners, const std::array<double, 3>& shares, int size,
              Edge edge) {
-  double at = 0;
-  std::array<double, 3> rounded{};
-  for (size_t k = 0; k < 3; ++k) {
-    at += shares[k] * corners[k];
-    rounded[k] = std::round(std::ldexp(corners[k], 20));
-  }
-  const double one = std::ldexp(1.0, 20);
-  const double first = std::floor(*std::ranges::min_element(rounded) / one);
-  if (edge == Edge::kRepeat && *std::ranges::max_element(rounded) <= (first + 1) * one) {
-    edge = Edge::kClamp;
-    at -= first;
+  constexpr double kHalfUnit = 0x1p-21;  // coordinates are rounded to 2^-20
+  double at = shares[0] * corners[0] + shares[1] * corners[1] + shares[2] * corners[2];
+  if (edge == Edge::kRepeat) {
+    const auto [least, most] = std::minmax({corners[0], corners[1], corners[2]});
+    const double first = std::floor(least + kHalfUnit);
+    if (most < first + 1 + kHalfUnit) {
+      edge = Edge::kClamp;
+      at -= first;
+    }
   }
   const double x = at * size - 0.5;
   const int left = static_cast<int>(std::floor(x));
