@@ -19,9 +19,6 @@ namespace {
 
 // Files up to here go out with their head, in one write.
 constexpr int64_t kInlineBytesMax = int64_t{64} << 10;
-// One turn of a client: others with requests or room in their sockets come between two turns, so
-// that hundreds of downloads that begin at once delay a request by milliseconds.
-constexpr int64_t kTurnBytes = int64_t{256} << 10;
 // Reserved for a head and a small body; larger ones grow.
 constexpr size_t kUsualBytes = 2048;
 

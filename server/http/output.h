@@ -41,6 +41,9 @@ class Output {
     kWaiting,  // for a wake or wait_until(): its PieceBody has nothing to send now
     kBroken,
   };
+  // One turn of a client: others with requests or room in their sockets come between two turns, so
+  // that hundreds of downloads that begin at once delay a request by milliseconds.
+  static constexpr int64_t kTurnBytes = int64_t{256} << 10;
   // Sends a turn's bytes, or what the socket takes without waiting.
   State advance(Connection& connection);
   // HTTP status of the response; that of the first piece's error if that failed.

@@ -1,0 +1,78 @@
+#include "server/http/output.h"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld::http {
+namespace {
+
+constexpr size_t kBodyBytes = size_t{8} << 20;
+
+// A socket whose other end reads as fast as it can.
+class OutputTest : public ::testing::Test {
+ protected:
+  OutputTest() {
+    std::array<int, 2> fds{};
+    EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, fds.data()), 0);
+    EXPECT_EQ(::fcntl(fds[0], F_SETFL, O_NONBLOCK), 0);
+    ends_ = {UniqueFd(fds[0]), UniqueFd(fds[1])};
+    reader_ = std::thread([fd = ends_.second.get(), this] {
+      std::vector<char> bytes(size_t{1} << 20);
+      for (ssize_t got = 1; got > 0; read_ += static_cast<size_t>(got)) {
+        got = ::read(fd, bytes.data(), bytes.size());
+        if (got < 0) return;
+      }
+    });
+  }
+
+  // Sends the response to its end, and returns the most bytes of a turn.
+  int64_t longest_turn(Response response) {
+    Connection connection(std::move(ends_.first), "10.0.0.1");
+    Output output({}, std::move(response), budget_, "", nullptr, nullptr);
+    int64_t longest = 0, sent = 0;
+    for (auto state = Output::State::kBlocked; state == Output::State::kBlocked;) {
+      state = output.advance(connection);
+      longest = std::max(longest, output.sent() - sent);
+      sent = output.sent();
+    }
+    ::shutdown(connection.fd(), SHUT_RDWR);
+    reader_.join();
+    EXPECT_EQ(static_cast<int64_t>(read_), sent);
+    EXPECT_GT(sent, static_cast<int64_t>(kBodyBytes));
+    return longest;
+  }
+
+  std::pair<UniqueFd, UniqueFd> ends_;
+  MemoryBudget budget_;
+  size_t read_ = 0;
+  std::thread reader_;
+};
+
+TEST_F(OutputTest, a_text_is_sent_in_turns_however_fast_the_client_reads) {
+  EXPECT_LE(longest_turn(Response::text(200, std::string(kBodyBytes, 'x'))), Output::kTurnBytes);
+}
+
+TEST_F(OutputTest, a_file_is_sent_in_turns_however_fast_the_client_reads) {
+  const testing::TemporaryDir dir;
+  const std::vector<uint8_t> bytes(kBodyBytes);
+  ASSERT_TRUE(write_file(dir.path() / "f", bytes).ok());
+  Response response;
+  response.status = 200;
+  response.body = FileBody{dir.path() / "f", 0, static_cast<int64_t>(kBodyBytes)};
+  EXPECT_LE(longest_turn(std::move(response)), Output::kTurnBytes);
+}
+
+}  // namespace
+}  // namespace voxeld::http
