@@ -1,11 +1,11 @@
 #!/usr/bin/python3
-"""The longest work between two cancellation points, for each kind of task.
+"""Jobs of every kind that are long in one of their parts: what was expected, and how soon a cancel could end them.
 
-    tests/bench/cancel_distances.py [--device cpu] [--seconds 30] [--only NAME …]
+    tests/bench/long_jobs.py [--device cpu] [--seconds 30] [--only NAME …]
 
-Runs jobs that are long in one of their parts, on inputs that make it longest, and prints for each what its worker
-reports: the stage with the longest work that no cancel could have ended, and its milliseconds. `-`: less than 50.
-Jobs that take longer than so many seconds are cancelled. VOXELD_BIN_DIR chooses the daemon."""
+Prints for each job the seconds that a dry run expected, before the daemon had run any, and those that it took; then
+what its worker reports: the stage with the longest work that no cancel could have ended, and its milliseconds. `-`:
+less than 50. Jobs that take longer than --seconds are cancelled. VOXELD_BIN_DIR chooses the daemon."""
 import argparse
 import json
 import pathlib
@@ -88,7 +88,7 @@ class Cases:
                   ("schem", 250, {}), ("litematic", 250, {}), ("zarr", 512, {}), ("binvox", 512, {}))],
             ("image", "sample.glb", "render", {"size": 512, "width": 2048, "height": 2048, "samples": 4}),
             ("turntable", "sample.glb", "render",
-             {"size": 256, "width": 1024, "height": 1024, "samples": 4, "views": 36}),
+             {"size": 256, "width": 1024, "height": 1024, "samples": 4, "image": "gif", "turntable": 36}),
         ]
 
 
@@ -118,23 +118,24 @@ def main():
     arguments = parser.parse_args()
     with daemon_with_fixtures(arguments.device, ["--workers-per-device", "1"]) as (daemon, fixtures):
         cases = Cases(fixtures)
-        assets = {}
+        assets, jobs = {}, []
         for name, file, kind, options in cases.jobs:
             if arguments.only and name not in arguments.only:
                 continue
             if file not in assets:
                 assets[file] = daemon.post(f"/v1/assets?filename={file}", cases.files[file]()).json()["id"]
-            response = daemon.post("/v1/jobs", {"kind": kind, "asset": assets[file],
-                                                "options": {**options, "cache": "no"} if kind != "inspect" else {}})
-            if response.status != 202:
-                print(f"{name:14} refused: {response.json()['detail']}", flush=True)
-                continue
-            status = end_of(daemon, response.json()["id"], arguments.seconds)
+            body = {"kind": kind, "asset": assets[file], "options": {**options, "cache": "no"} if options else {}}
+            estimate = daemon.post("/v1/jobs?dry_run=1", body)
+            assert estimate.status == 200, (name, estimate.body)
+            jobs.append((name, body, estimate.json()["estimate"]["seconds"]))
+        print(f"{'job':14} {'state':9} {'expected s':>10} {'took s':>8}   {'stage':10} {'ms':>6}")
+        for name, body, expected in jobs:
+            status = end_of(daemon, daemon.submit(**body), arguments.seconds)
             stage, ms = longest_of(daemon, status["id"])
-            took = status["ended_ms"] - status["started_ms"]
+            took = (status["ended_ms"] - status["started_ms"]) / 1e3
             error = status.get("error", {}).get("detail", "")
-            print(f"{name:14} {status['state']:9} {took:7d} ms   {stage:10} {f'{ms:.0f}' if ms else '-':>6}  {error}",
-                  flush=True)
+            print(f"{name:14} {status['state']:9} {expected:10.2f} {took:8.2f}   {stage:10} {f'{ms:.0f}' if ms else '-':>6}"
+                  f"  {error}", flush=True)
 
 
 if __name__ == "__main__":
