@@ -31,9 +31,7 @@ Status encode_xyz(const Grid& grid, const OutputOptions& /*options*/, OutputFile
     return Error{ErrorCode::kGridTooLarge, "xyz: too many voxels for points",
                  "at most " + std::to_string(kXyzPointsMax), std::to_string(points)};
   }
-  const FileLayout& layout = format_info(Format::kXyz).layout;
-  std::vector<uint8_t> text;
-  text.reserve(layout.point_bytes * grid.voxel_count());
+  std::vector<uint8_t> text;  // of a tile
   for (const SparseTile& tile : grid.tiles) {
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
       cancel_point();
@@ -48,8 +46,10 @@ Status encode_xyz(const Grid& grid, const OutputOptions& /*options*/, OutputFile
       append(text, unsigned{color[1]}, ' ');
       append(text, unsigned{color[2]}, '\n');
     });
+    VOXELD_TRY(file.append(text));
+    text.clear();
   }
-  return file.append(text);
+  return {};
 }
 
 }  // namespace voxeld

@@ -18,7 +18,7 @@
 namespace voxeld::http {
 namespace {
 
-constexpr size_t kBodyBytes = size_t{8} << 20;
+constexpr size_t kSentBytes = size_t{8} << 20;
 
 // A socket whose other end reads as fast as it can.
 class OutputTest : public ::testing::Test {
@@ -50,7 +50,7 @@ class OutputTest : public ::testing::Test {
     ::shutdown(connection.fd(), SHUT_RDWR);
     reader_.join();
     EXPECT_EQ(static_cast<int64_t>(read_), sent);
-    EXPECT_GT(sent, static_cast<int64_t>(kBodyBytes));
+    EXPECT_GT(sent, static_cast<int64_t>(kSentBytes));
     return longest;
   }
 
@@ -61,16 +61,16 @@ class OutputTest : public ::testing::Test {
 };
 
 TEST_F(OutputTest, a_text_is_sent_in_turns_however_fast_the_client_reads) {
-  EXPECT_LE(longest_turn(Response::text(200, std::string(kBodyBytes, 'x'))), Output::kTurnBytes);
+  EXPECT_LE(longest_turn(Response::text(200, std::string(kSentBytes, 'x'))), Output::kTurnBytes);
 }
 
 TEST_F(OutputTest, a_file_is_sent_in_turns_however_fast_the_client_reads) {
   const testing::TemporaryDir dir;
-  const std::vector<uint8_t> bytes(kBodyBytes);
+  const std::vector<uint8_t> bytes(kSentBytes);
   ASSERT_TRUE(write_file(dir.path() / "f", bytes).ok());
   Response response;
   response.status = 200;
-  response.body = FileBody{dir.path() / "f", 0, static_cast<int64_t>(kBodyBytes)};
+  response.body = FileBody{dir.path() / "f", 0, static_cast<int64_t>(kSentBytes)};
   EXPECT_LE(longest_turn(std::move(response)), Output::kTurnBytes);
 }
 
