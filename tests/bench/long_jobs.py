@@ -3,22 +3,29 @@
 
     tests/bench/long_jobs.py [--device cpu] [--seconds 30] [--only NAME …]
 
+Hostile files are made here; real ones are read from VOXELD_DATA_DIR and left out without it.
+
 Prints for each job the seconds that a dry run expected, before the daemon had run any, and those that it took; then
 what its worker reports: the stage with the longest work that no cancel could have ended, and its milliseconds. `-`:
 less than 50. Jobs that take longer than --seconds are cancelled. VOXELD_BIN_DIR chooses the daemon."""
 import argparse
+import io
 import json
+import os
 import pathlib
 import re
 import struct
 import sys
 import time
+import zipfile
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
 from harness import daemon_with_fixtures  # noqa: E402  (needs the path above)
 from test_cancel import lattice, long_mesh, textured_mesh  # noqa: E402
+
+DATA = os.environ.get("VOXELD_DATA_DIR") and pathlib.Path(os.environ["VOXELD_DATA_DIR"])
 
 
 def slivers(count):
@@ -89,6 +96,48 @@ class Cases:
             ("image", "sample.glb", "render", {"size": 512, "width": 2048, "height": 2048, "samples": 4}),
             ("turntable", "sample.glb", "render",
              {"size": 256, "width": 1024, "height": 1024, "samples": 4, "image": "gif", "turntable": 36}),
+        ]
+        if DATA:
+            self.add_real()
+
+    def add_real(self):
+        def bundle(*names):
+            data = io.BytesIO()
+            with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
+                for name in names:
+                    archive.write(DATA / name, pathlib.Path(name).name)
+            return data.getvalue()
+
+        bob = ["Bob.md5anim", "Bob.md5mesh", "guard1_body.png", "guard1_face.png", "guard1_helmet.png",
+               "iron_grill.png", "round_grill.png"]
+        self.files |= {
+            "bunny.ply": (DATA / "scans/bunny/bun_zipper.ply").read_bytes,
+            "bunny.stl": (DATA / "scans/bunny/bunny_69451.stl").read_bytes,
+            "dragon.ply": (DATA / "scans/dragon/dragon_vrip_res2.ply").read_bytes,
+            "buddha.obj": (DATA / "scans/buddha/buddha_100k.obj").read_bytes,
+            "spot.zip": lambda: bundle("obj/spot/spot_triangulated.obj", "obj/spot/spot_texture.png"),
+            "bob.zip": lambda: bundle(*["md5/bob/" + name for name in bob]),
+            "fox.glb": (DATA / "gltf/CesiumMan.glb").read_bytes,
+        }
+        for name, size, more in (
+                ("16", 16, {}), ("64", 64, {}), ("256", 256, {}), ("1024", 1024, {}), ("npy", 256, {"format": "npy"}),
+                ("solid", 256, {"fill": "solid"}), ("solid 512", 512, {"fill": "solid"}), ("normals", 512, {"channels": "normal"}),
+                ("distance", 128, {"channels": "distance"}), ("vox", 256, {"format": "vox"}),
+                ("glb", 256, {"format": "glb"}), ("smooth", 256, {"format": "obj", "mesh": "smooth"}),
+                ("schem", 128, {"format": "schem"}), ("npz", 512, {"format": "npz", "layout": "sparse"})):
+            self.jobs.append((f"bunny {name}", "bunny.ply", "voxelize", {"size": size, **more}))
+        self.jobs += [
+            ("bunny.stl", "bunny.stl", "voxelize", {"size": 256}),
+            ("dragon", "dragon.ply", "voxelize", {"size": 1024}),
+            ("dragon solid", "dragon.ply", "voxelize", {"size": 256, "fill": "solid"}),
+            ("buddha", "buddha.obj", "voxelize", {"size": 512}),
+            ("spot", "spot.zip", "voxelize", {"size": 256}),
+            ("spot 1024", "spot.zip", "voxelize", {"size": 1024}),
+            ("spot picture", "spot.zip", "render", {"size": 256}),
+            ("spot GIF", "spot.zip", "render", {"size": 128, "image": "gif", "turntable": 36}),
+            ("spot facts", "spot.zip", "inspect", {}),
+            ("bob", "bob.zip", "voxelize", {"size": 64, "animation": "0"}),
+            ("fox", "fox.glb", "voxelize", {"size": 128, "animation": "0", "fps": 12}),
         ]
 
 

@@ -6,15 +6,14 @@
 #include <cstdlib>
 #include <vector>
 
-#include "proto/client_texts.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld {
 namespace {
 
 constexpr double kSideUnit = 256.0, kBytesUnit = 1048576.0;
-// Weight of the prior, in observations. The exponents are known better than the cost, which no
-// machine has in common with another.
+// Weight of the prior, in observations. How costs grow is known better than how fast a machine is.
 constexpr std::array<double, 3> kPriorWeights = {0.2, 4.0, 4.0};
 // An observation counts half after about 140 others.
 constexpr double kFading = 0.995;
@@ -25,12 +24,8 @@ constexpr double kFourOfFive = 1.2816;   // standard deviations
 
 }  // namespace
 
-CostRegression::CostRegression(const Guess& guess)
-    : prior_mean_{std::log(guess.cost), guess.side_exponent, guess.bytes_exponent} {
-  for (size_t i = 0; i < kTerms; ++i) {
-    precision_[i][i] = kPriorWeights[i];
-    moment_[i] = kPriorWeights[i] * prior_mean_[i];
-  }
+CostRegression::CostRegression() {
+  for (size_t i = 0; i < kTerms; ++i) precision_[i][i] = kPriorWeights[i];
 }
 
 CostRegression::Vector CostRegression::terms(const CostFeatures& features) {
@@ -53,12 +48,11 @@ CostRegression::Matrix CostRegression::inverse_precision() const {
   return inverse;
 }
 
-void CostRegression::observe(const CostFeatures& features, double cost) {
-  if (!(cost > 0) || !(features.frames > 0)) return;
+void CostRegression::observe(const CostFeatures& features, double factor) {
+  if (!(factor > 0) || !std::isfinite(factor)) return;
   const Vector x = terms(features);
-  const double y = std::log(cost / features.frames);
-  if (!std::isfinite(y)) return;
-  const double error = y - std::log(predict({features.side, features.input_bytes, 1.0}).expected);
+  const double y = std::log(factor);
+  const double error = y - std::log(predict(features).expected);
   residual_ = kFading * residual_ + error * error;
   weight_ = kFading * weight_ + 1.0;
   // The estimate decays towards the prior.
@@ -67,8 +61,7 @@ void CostRegression::observe(const CostFeatures& features, double cost) {
       const double prior = i == j ? kPriorWeights[i] : 0.0;
       precision_[i][j] = kFading * precision_[i][j] + (1 - kFading) * prior + x[i] * x[j];
     }
-    moment_[i] =
-        kFading * moment_[i] + (1 - kFading) * kPriorWeights[i] * prior_mean_[i] + x[i] * y;
+    moment_[i] = kFading * moment_[i] + x[i] * y;
   }
   ++observations_;
 }
@@ -76,17 +69,17 @@ void CostRegression::observe(const CostFeatures& features, double cost) {
 CostRange CostRegression::predict(const CostFeatures& features) const {
   const Matrix inverse = inverse_precision();
   const Vector x = terms(features);
-  double log_cost = 0, spread = 1;
+  double log_factor = 0, spread = 1;
   for (size_t i = 0; i < kTerms; ++i) {
     for (size_t j = 0; j < kTerms; ++j) {
-      log_cost += x[i] * inverse[i][j] * moment_[j];
+      log_factor += x[i] * inverse[i][j] * moment_[j];
       spread += x[i] * inverse[i][j] * x[j];
     }
   }
   const double noise = std::max(kVarianceMin, (kPriorVariance * kPriorVarianceWeight + residual_) /
                                                   (kPriorVarianceWeight + weight_));
   const double deviation = std::min(kFourOfFive * std::sqrt(noise * spread), 10.0);
-  const double expected = std::exp(log_cost) * std::max(features.frames, 1.0);
+  const double expected = std::exp(log_factor);
   return {expected, expected * std::exp(-deviation), expected * std::exp(deviation)};
 }
 

@@ -23,26 +23,9 @@ constexpr double kSaveSeconds = 30.0;
 // Sorts are made of the options' words; more than these there cannot be.
 constexpr size_t kSortsMax = 1000;
 
-// On a small machine, at 256 voxels of a mesh of 1 MiB.
-constexpr CostRegression::Guess kWorkerGuess{0.1, 1.6, 0.4};
-constexpr CostRegression::Guess kDeviceGuess{0.02, 2.0, 0.3};
-constexpr CostRegression::Guess kResultGuess{1e5, 2.0, 0.1};
-constexpr CostRegression::Guess kHostGuess{1e8, 0.3, 0.3};
-
-// Rays along each side of a pixel where the renderer chooses.
-constexpr int kUsualSamples = 2;
-
-constexpr std::array<std::string_view, 4> kQuantities = {"seconds", "device_seconds",
-                                                         "result_bytes", "host_bytes"};
-
-double side_of(const PlacementOptions& placement) {
-  if (placement.dims) return *std::ranges::max_element(*placement.dims);
-  return placement.size.value_or(kDefaultSize);
-}
-
-// Frames that the request names; 24 where it asks for all of an animation that nobody has read.
+// Frames that the request names; a usual number where it asks for all of an animation.
 double frames_of(const AnimationOptions& animation) {
-  constexpr double kUsualFrames = 24;
+  constexpr double kUsualFrames = 100;
   if (!animation.is_sequence()) return 1;
   if (!animation.times_s.empty()) return static_cast<double>(animation.times_s.size());
   if (animation.frames) return (*animation.frames)[1] - (*animation.frames)[0] + 1;
@@ -66,25 +49,38 @@ std::string voxelize_sort(const VoxelizeOptions& options) {
   return sort;
 }
 
+// Reading does not depend on the grid.
+CostFeatures reading_features(const JobWork& work) {
+  CostFeatures features;
+  features.input_bytes = work.features.input_bytes;
+  return features;
+}
+
+CostRange times(const CostRange& range, double factor) {
+  return {range.expected * factor, range.low * factor, range.high * factor};
+}
+
 }  // namespace
 
-JobWork work_of(JobKind kind, const RequestOptions& options, int64_t input_bytes) {
-  JobWork work{std::string(job_kind_name(kind)), {}};
+JobWork work_of(JobKind kind, const RequestOptions& options, const JobInput& input) {
+  JobWork work;
+  work.sort = job_kind_name(kind);
+  work.read_sort = "read " + std::string(form_name(input.form));
   if (kind == JobKind::kVoxelize || kind == JobKind::kExport) {
     work.sort += ' ';
     work.sort += format_name(options.output.format);
   }
-  work.features.input_bytes = static_cast<double>(input_bytes);
+  work.features.input_bytes = static_cast<double>(input.bytes);
   if (kind == JobKind::kVoxelize) {
     work.sort += voxelize_sort(options.voxelize);
-    work.features.side = side_of(options.voxelize.placement);
-    work.features.frames = frames_of(options.animation);
+    work.features.side = longest_side(options.voxelize.placement);
+    work.frames = frames_of(options.animation);
   } else if (kind == JobKind::kRender) {
     const RenderOptions& render = options.render;
-    work.features.side = std::sqrt(static_cast<double>(render.width) * render.height) *
-                         (render.samples > 0 ? render.samples : kUsualSamples);
-    work.features.frames = render.turntable > 0 ? render.turntable : frames_of(options.animation);
+    work.features.side = ray_side(render);
+    work.frames = render.turntable > 0 ? render.turntable : frames_of(options.animation);
   }
+  work.guess = guess_costs(kind, options, input);
   return work;
 }
 
@@ -95,24 +91,11 @@ MeasuredSeconds measured_seconds(const JobStatus& status) {
     if (stage == "queue" || stage == "upload") continue;
     const bool is_on_device = stage == "voxelize" || stage == "render";
     (is_on_device ? staged : seconds.worker) += ms / 1000;
+    if (stage == "parse") seconds.read += ms / 1000;
   }
   seconds.device = status.device_ms > 0 ? std::min(staged, status.device_ms / 1000) : staged;
   seconds.worker += seconds.device;
   return seconds;
-}
-
-JobCosts::Sort::Sort()
-    : worker_seconds(kWorkerGuess),
-      device_seconds(kDeviceGuess),
-      result_bytes(kResultGuess),
-      host_bytes(kHostGuess) {}
-
-CostRegression* JobCosts::Sort::find(std::string_view quantity) {
-  if (quantity == kQuantities[0]) return &worker_seconds;
-  if (quantity == kQuantities[1]) return &device_seconds;
-  if (quantity == kQuantities[2]) return &result_bytes;
-  if (quantity == kQuantities[3]) return &host_bytes;
-  return nullptr;
 }
 
 JobCosts::JobCosts(fs::path file) : file_(std::move(file)) {
@@ -142,9 +125,15 @@ void JobCosts::load() {
       ++broken;
       continue;
     }
+    const auto* const quantity =
+        std::ranges::find(kQuantities, line.substr(first + 1, last - first - 1));
+    if (quantity == kQuantities.end()) {
+      ++broken;
+      continue;
+    }
     Sort& sort = sorts_[std::string(line.substr(0, first))];
-    CostRegression* model = sort.find(line.substr(first + 1, last - first - 1));
-    if (model == nullptr || !model->parse(line.substr(last + 1))) ++broken;
+    CostRegression& model = sort[static_cast<size_t>(quantity - kQuantities.begin())];
+    if (!model.parse(line.substr(last + 1))) ++broken;
   }
   if (broken > 0) {
     log::warn("learned costs cannot be read; they are learned anew",
@@ -155,9 +144,10 @@ void JobCosts::load() {
 // Written beside and renamed, without sync.
 void JobCosts::save() {
   std::string text;
-  for (auto& [name, sort] : sorts_) {
-    for (const std::string_view quantity : kQuantities) {
-      text += name + "\t" + std::string(quantity) + "\t" + sort.find(quantity)->text() + "\n";
+  for (const auto& [name, sort] : sorts_) {
+    for (size_t i = 0; i < sort.size(); ++i) {
+      if (sort[i].observations() == 0) continue;
+      text += name + "\t" + std::string(kQuantities[i]) + "\t" + sort[i].text() + "\n";
     }
   }
   const fs::path fresh = file_.string() + ".new";
@@ -173,55 +163,86 @@ void JobCosts::save() {
   is_new_ = false;
 }
 
+JobCosts::Sort* JobCosts::sort_of(std::string_view name) {
+  const auto found = sorts_.find(name);
+  if (found != sorts_.end()) return &found->second;
+  return sorts_.size() < kSortsMax ? &sorts_[std::string(name)] : nullptr;
+}
+
+const CostRegression& JobCosts::factor(std::string_view sort, Quantity quantity) const {
+  static const CostRegression unknown;
+  const auto found = sorts_.find(sort);
+  return found == sorts_.end() ? unknown : found->second[static_cast<size_t>(quantity)];
+}
+
+CostRange JobCosts::device_seconds(const JobWork& work) const {
+  return times(factor(work.sort, Quantity::kDeviceSeconds).predict(work.features),
+               work.guess.device_seconds * work.frames);
+}
+
 JobEstimate JobCosts::estimate(const JobWork& work) const {
   const MutexLock lock(mutex_);
-  static const Sort unknown;
-  const auto found = sorts_.find(work.sort);
-  const Sort& sort = found == sorts_.end() ? unknown : found->second;
-  const CostRange worker = sort.worker_seconds.predict(work.features);
-  CostFeatures one = work.features;
-  one.frames = 1;  // memory is for one frame at a time
+  const auto expected = [&](Quantity quantity, double guess) REQUIRES(mutex_) {
+    return std::llround(factor(work.sort, quantity).predict(work.features).expected * guess);
+  };
+  const CostRegression& learned = factor(work.sort, Quantity::kSeconds);
+  const CostRange read =
+      times(factor(work.read_sort, Quantity::kSeconds).predict(reading_features(work)),
+            work.guess.read_seconds);
+  const CostRange rest =
+      times(learned.predict(work.features), work.guess.work_seconds * work.frames);
   JobEstimate estimate;
-  estimate.seconds = worker.expected;
-  estimate.seconds_low = worker.low;
-  estimate.seconds_high = worker.high;
-  estimate.device_seconds =
-      std::min(worker.expected, sort.device_seconds.predict(work.features).expected);
-  estimate.result_bytes = std::llround(sort.result_bytes.predict(work.features).expected);
-  estimate.host_bytes = std::llround(sort.host_bytes.predict(one).expected);
-  estimate.learned_from = sort.worker_seconds.observations();
+  estimate.seconds = read.expected + rest.expected;
+  estimate.seconds_low = read.low + rest.low;
+  estimate.seconds_high = read.high + rest.high;
+  estimate.device_seconds = std::min(rest.expected, device_seconds(work).expected);
+  estimate.result_bytes = expected(Quantity::kResultBytes, work.guess.result_bytes * work.frames);
+  // Memory is for one frame at a time.
+  estimate.host_bytes = expected(Quantity::kHostBytes, work.guess.host_bytes);
+  estimate.learned_from = learned.observations();
   return estimate;
 }
 
 void JobCosts::learn(const JobWork& work, const JobStatus& done) {
   if (!done.result) return;
-  const MeasuredSeconds seconds = measured_seconds(done);
+  MeasuredSeconds seconds = measured_seconds(done);
   const json meta = json::parse(done.result->meta_json, nullptr, false);
-  CostFeatures features = work.features;
-  if (done.frames_total > 0) features.frames = static_cast<double>(done.frames_total);
-  CostFeatures one = features;
-  one.frames = 1;
+  // Frames are read, too, as the work of each.
+  const bool is_sequence = done.frames_total > 0;
+  if (is_sequence) seconds.read = 0;
+  const double frames = is_sequence ? static_cast<double>(done.frames_total) : work.frames;
   const MutexLock lock(mutex_);
-  if (sorts_.size() >= kSortsMax && !sorts_.contains(work.sort)) return;
-  Sort& sort = sorts_[work.sort];
-  sort.worker_seconds.observe(features, seconds.worker);
-  sort.device_seconds.observe(features, seconds.device);
-  sort.result_bytes.observe(features, static_cast<double>(done.result->bytes));
+  Sort* const sort = sort_of(work.sort);
+  if (sort == nullptr) return;
+  const auto observe = [&](Quantity quantity, double cost, double guess) REQUIRES(mutex_) {
+    (*sort)[static_cast<size_t>(quantity)].observe(work.features, cost / guess);
+  };
+  const JobGuess& guess = work.guess;
+  observe(Quantity::kSeconds, seconds.worker - seconds.read, guess.work_seconds * frames);
+  observe(Quantity::kDeviceSeconds, seconds.device, guess.device_seconds * frames);
+  observe(Quantity::kResultBytes, static_cast<double>(done.result->bytes),
+          guess.result_bytes * frames);
   if (meta.is_object() && meta.contains("host_bytes_peak")) {
     const json& peak = meta["host_bytes_peak"];
-    if (peak.is_number()) sort.host_bytes.observe(one, peak.get<double>());
+    if (peak.is_number()) observe(Quantity::kHostBytes, peak.get<double>(), guess.host_bytes);
+  }
+  if (Sort* const reading = sort_of(work.read_sort); reading != nullptr && !is_sequence) {
+    (*reading)[0].observe(reading_features(work), seconds.read / guess.read_seconds);
   }
   note_new();
 }
 
 void JobCosts::learn_at_least(const JobWork& work, double device_seconds) {
   const MutexLock lock(mutex_);
-  if (sorts_.size() >= kSortsMax && !sorts_.contains(work.sort)) return;
-  Sort& sort = sorts_[work.sort];
-  if (device_seconds <= sort.device_seconds.predict(work.features).expected) return;
-  sort.device_seconds.observe(work.features, device_seconds);
-  const double worker_seconds = sort.worker_seconds.predict(work.features).expected;
-  sort.worker_seconds.observe(work.features, std::max(worker_seconds, device_seconds));
+  Sort* const sort = sort_of(work.sort);
+  if (sort == nullptr || device_seconds <= this->device_seconds(work).expected) return;
+  const auto observe = [&](Quantity quantity, double cost, double guess) REQUIRES(mutex_) {
+    CostRegression& factor = (*sort)[static_cast<size_t>(quantity)];
+    cost = std::max(cost, factor.predict(work.features).expected * guess);
+    factor.observe(work.features, cost / guess);
+  };
+  observe(Quantity::kDeviceSeconds, device_seconds, work.guess.device_seconds * work.frames);
+  observe(Quantity::kSeconds, device_seconds, work.guess.work_seconds * work.frames);
   note_new();
 }
 

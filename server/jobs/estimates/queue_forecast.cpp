@@ -40,7 +40,7 @@ double share_done(const JobStatus& status) {
 
 }  // namespace
 
-void QueueForecast::changed(const JobRecord& record, int64_t input_bytes) {
+void QueueForecast::changed(const JobRecord& record, const JobInput& input) {
   const JobStatus& status = record.status;
   const MutexLock lock(mutex_);
   refreshed_ = {};
@@ -60,7 +60,7 @@ void QueueForecast::changed(const JobRecord& record, int64_t input_bytes) {
   if (is_new) {
     live.tenant = record.tenant;
     live.seq = record.seq;
-    live.work = work_of(status.kind, options_of(status), input_bytes);
+    live.work = work_of(status.kind, options_of(status), input);
     live.estimate = costs_.estimate(live.work);
   }
   live.deadline_ms = record.deadline_ms;
@@ -140,8 +140,8 @@ void QueueForecast::fill(JobStatus& status) {
 }
 
 JobStatus QueueForecast::estimate(const std::string& tenant, const JobRequest& request,
-                                  int64_t input_bytes) {
-  const JobEstimate estimate = costs_.estimate(work_of(request.kind, request.options, input_bytes));
+                                  const JobInput& input) {
+  const JobEstimate estimate = costs_.estimate(work_of(request.kind, request.options, input));
   const MutexLock lock(mutex_);
   std::vector<ForecastJob> jobs;
   for (auto& [id, job] : queue()) jobs.push_back(job);

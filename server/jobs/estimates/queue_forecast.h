@@ -30,14 +30,14 @@ class QueueForecast {
         weight_(std::move(weight)),
         overlay_(std::move(overlay)) {}
 
-  // A job was queued, claimed, put back or ended. `input_bytes` counts when it is new.
-  void changed(const JobRecord& record, int64_t input_bytes) EXCLUDES(mutex_);
+  // A job was queued, claimed, put back or ended. `input` counts when it is new.
+  void changed(const JobRecord& record, const JobInput& input) EXCLUDES(mutex_);
   // Adds estimate and expected times to the status of a job that has not ended.
   void fill(JobStatus& status) EXCLUDES(mutex_);
   // That a job is expected to take from now on; 0 of one that is not known.
   double expected_seconds(std::string_view id) EXCLUDES(mutex_);
   // The cost of a job, and when it would start and end if submitted now: a status without id.
-  JobStatus estimate(const std::string& tenant, const JobRequest& request, int64_t input_bytes)
+  JobStatus estimate(const std::string& tenant, const JobRequest& request, const JobInput& input)
       EXCLUDES(mutex_);
 
  private:

@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "proto/asset_id.h"
 #include "proto/messages/job_text.h"
 #include "server/base/clock.h"
 #include "server/base/guard.h"
@@ -29,7 +30,7 @@ void Service::overlay(JobStatus& status) {
 void Service::job_changed(const JobRecord& record) noexcept {
   const JobStatus& status = record.status;
   const auto step = [](const auto& work) { guarded_twice("the change of a job", work); };
-  step([&] { forecast_.changed(record, 0); });
+  step([&] { forecast_.changed(record, {}); });
   step([&] { log_job_change(record); });
   if (status.ended()) {
     job_ended(record);
@@ -72,25 +73,25 @@ Status Service::let_go(const Result<ResultStore::Ids>& ids) {
   return {};
 }
 
-int64_t Service::input_bytes(const std::string& tenant, const std::string& asset,
-                             const std::string& grid) {
+JobInput Service::job_input(const std::string& tenant, const std::string& asset,
+                            const std::string& grid) {
   const auto bytes_of = [this](const std::string& id) {
     const auto blob = blobs_.stat(id);
     return blob ? blob->bytes : int64_t{0};
   };
-  if (asset.empty()) return bytes_of(grid);
-  int64_t bytes = bytes_of(asset);
+  if (asset.empty()) return {JobInput::Form::kGrid, bytes_of(grid)};
+  JobInput input = file_input(blobs_, AssetId::parse(asset).blob);
   if (const auto files = assets_.bundle_files(tenant, asset)) {
-    for (const BundleFile& file : *files) bytes += bytes_of(file.asset);
+    for (const BundleFile& file : *files) input.bytes += bytes_of(AssetId::parse(file.asset).blob);
   }
-  return bytes;
+  return input;
 }
 
 Result<JobStatus> Service::estimate(const Caller& caller, const JobRequest& request) {
   JobRequest filled = request;
   VOXELD_ASSIGN(const bool cached, jobs_.has_result(caller, filled));
   JobStatus estimated = forecast_.estimate(caller.tenant(), filled,
-                                           input_bytes(caller.tenant(), filled.asset, filled.grid));
+                                           job_input(caller.tenant(), filled.asset, filled.grid));
   if (!cached) return estimated;
   estimated.cached = true;
   estimated.queue_position = 0;
@@ -182,7 +183,7 @@ void Service::job_submitted(const JobRecord& record, const SubmitOptions& option
   });
   if (status.ended()) return job_changed(record);
   step([&] {
-    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
+    forecast_.changed(record, job_input(record.asset_tenant, status.asset, status.grid));
   });
   step([&] { update_gauges(); });
   step([&] {

@@ -152,8 +152,8 @@ class Service final : public JobService {
   void job_changed(const JobRecord& record) noexcept;
   void job_ended(const JobRecord& record) noexcept;
   void update_gauges();
-  // Bytes of the asset with its files, or of the grid; 0 if unknown.
-  int64_t input_bytes(const std::string& tenant, const std::string& asset, const std::string& grid);
+  // The asset with its files, or the grid.
+  JobInput job_input(const std::string& tenant, const std::string& asset, const std::string& grid);
   void forecast_waiting();
   TimeSlicesConfig slices_config();
   // Adds what the database does not know to a status.

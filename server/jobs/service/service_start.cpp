@@ -200,7 +200,7 @@ void Service::forecast_waiting() {
   const Status listed =
       jobs_.list(Caller::daemon(), query, [&](JobRecord&& record) -> Result<bool> {
         const JobStatus& status = record.status;
-        forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
+        forecast_.changed(record, job_input(record.asset_tenant, status.asset, status.grid));
         return true;
       });
   if (!listed) log::warn("cannot forecast waiting jobs", {{"error", listed.error().message()}});

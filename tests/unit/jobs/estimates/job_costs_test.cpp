@@ -19,8 +19,10 @@ RequestOptions options(int size, Format format = Format::kNative) {
   return options;
 }
 
+const JobInput kInput{JobInput::Form::kBinary, 1 << 20};
+
 JobWork work(int size, Format format = Format::kNative) {
-  return work_of(JobKind::kVoxelize, options(size, format), 1 << 20);
+  return work_of(JobKind::kVoxelize, options(size, format), kInput);
 }
 
 // Took 10 ms in the queue, and of 400 ms of work 100 on the device, for which it waited 200.
@@ -47,6 +49,7 @@ TEST_F(JobCostsTest, waits_are_no_work) {
   const MeasuredSeconds seconds = measured_seconds(done_job());
   EXPECT_DOUBLE_EQ(seconds.device, 0.1);
   EXPECT_DOUBLE_EQ(seconds.worker, 0.4);
+  EXPECT_DOUBLE_EQ(seconds.read, 0.1);
 }
 
 TEST_F(JobCostsTest, jobs_of_each_format_are_a_sort_of_their_own) {
@@ -60,20 +63,22 @@ TEST_F(JobCostsTest, images_cost_by_their_rays) {
   RequestOptions options;
   options.render.width = options.render.height = 1000;
   options.render.samples = 1;
-  const CostFeatures one = work_of(JobKind::kRender, options, 1 << 20).features;
+  const JobWork one = work_of(JobKind::kRender, options, kInput);
   options.render.samples = 4;
   options.render.turntable = 360;
-  const CostFeatures many = work_of(JobKind::kRender, options, 1 << 20).features;
-  EXPECT_DOUBLE_EQ(many.side, 4 * one.side);
+  const JobWork many = work_of(JobKind::kRender, options, kInput);
+  EXPECT_DOUBLE_EQ(many.features.side, 4 * one.features.side);
   EXPECT_DOUBLE_EQ(many.frames, 360 * one.frames);
 }
 
 TEST_F(JobCostsTest, solids_cost_by_their_sign) {
   RequestOptions solid = options(256);
   solid.voxelize.fill = Fill::kSolid;
-  const std::string plain = work_of(JobKind::kVoxelize, solid, 1 << 20).sort;
+  const JobWork plain = work_of(JobKind::kVoxelize, solid, kInput);
   solid.voxelize.sign = Sign::kWinding;
-  EXPECT_NE(work_of(JobKind::kVoxelize, solid, 1 << 20).sort, plain);
+  const JobWork winding = work_of(JobKind::kVoxelize, solid, kInput);
+  EXPECT_NE(winding.sort, plain.sort);
+  EXPECT_GT(winding.guess.device_seconds, 4 * plain.guess.device_seconds);
 }
 
 TEST_F(JobCostsTest, a_job_that_was_cancelled_late_is_expected_to_take_long) {
@@ -100,7 +105,7 @@ TEST_F(JobCostsTest, jobs_of_other_sorts_teach_nothing) {
   EXPECT_EQ(costs.estimate(work(256, Format::kNpy)).learned_from, 0);
   RequestOptions solid = options(256);
   solid.voxelize.fill = Fill::kSolid;
-  EXPECT_EQ(costs.estimate(work_of(JobKind::kVoxelize, solid, 1 << 20)).learned_from, 0);
+  EXPECT_EQ(costs.estimate(work_of(JobKind::kVoxelize, solid, kInput)).learned_from, 0);
 }
 
 TEST_F(JobCostsTest, learned_costs_outlive_the_process) {
@@ -142,10 +147,10 @@ TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
   QueueForecast queue(costs, 1, weight, [](JobStatus&) {});
   JobRecord urgent = record("urgent", "light", 3);
   urgent.status.priority = 5;
-  queue.changed(record("first", "light", 1), 1 << 20);
-  queue.changed(record("second", "light", 2), 1 << 20);
-  queue.changed(urgent, 1 << 20);
-  queue.changed(record("heavy", "heavy", 4), 1 << 20);
+  queue.changed(record("first", "light", 1), kInput);
+  queue.changed(record("second", "light", 2), kInput);
+  queue.changed(urgent, kInput);
+  queue.changed(record("heavy", "heavy", 4), kInput);
   const auto end_of = [&](const char* id) {
     JobStatus status;
     status.id = id;
@@ -163,7 +168,7 @@ TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
   JobRequest request;
   request.asset = "sha256-1";
   request.options = options(256);
-  const JobStatus estimated = queue.estimate("light", request, 1 << 20);
+  const JobStatus estimated = queue.estimate("light", request, kInput);
   EXPECT_EQ(estimated.queue_position, 5);
   EXPECT_GE(estimated.expected_start_ms, second_end - 1000);
 }
@@ -172,20 +177,20 @@ TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {
   JobCosts costs(file());
   QueueForecast queue(
       costs, 1, [](const std::string&) { return 1.0; }, [](JobStatus&) {});
-  queue.changed(record("j-1", "", 1), 1 << 20);
+  queue.changed(record("j-1", "", 1), kInput);
   JobRecord ended = record("j-1", "", 1);
   ended.status = done_job();
-  queue.changed(ended, 0);
+  queue.changed(ended, {});
   EXPECT_EQ(costs.estimate(work(256)).learned_from, 1);
   JobStatus status;
   status.id = "j-1";
   queue.fill(status);
   EXPECT_FALSE(status.estimate);
   // It took another job's result, so its times say nothing about the cost of such work.
-  queue.changed(record("j-2", "", 2), 1 << 20);
+  queue.changed(record("j-2", "", 2), kInput);
   ended.status.id = "j-2";
   ended.status.cached = true;
-  queue.changed(ended, 0);
+  queue.changed(ended, {});
   EXPECT_EQ(costs.estimate(work(256)).learned_from, 1);
 }
 
