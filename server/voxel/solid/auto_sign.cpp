@@ -219,7 +219,8 @@ class Verdicts {
       cancel_point();
       // From the least on, so that sums do not depend on where a file's triangle begins.
       std::array<glm::ivec3, 3> of_triangle = mesh.corners(t);
-      std::ranges::rotate(of_triangle, std::ranges::min_element(of_triangle, is_below));
+      std::rotate(of_triangle.begin(), std::ranges::min_element(of_triangle, is_below),
+                  of_triangle.end());
       std::ranges::copy(of_triangle, std::back_inserter(corners));
     }
     return corners;
