@@ -6,8 +6,8 @@
 #include "client/client_impl.h"
 #include "client/content_check.h"
 #include "client/responses.h"
-#include "proto/number_text.h"
-#include "proto/percent_encoding.h"
+#include "proto/text/number_text.h"
+#include "proto/text/percent_encoding.h"
 
 namespace voxeld::client {
 namespace {

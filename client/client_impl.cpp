@@ -12,7 +12,7 @@
 #include "client/responses.h"
 #include "proto/asset_id.h"
 #include "proto/messages/job.h"
-#include "proto/percent_encoding.h"
+#include "proto/text/percent_encoding.h"
 
 namespace voxeld::client {
 namespace {

@@ -7,7 +7,7 @@
 #include <new>
 
 #include "client/include/voxeld/client.h"
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 
 namespace voxeld::client {
 namespace {

@@ -5,7 +5,7 @@
 #include "client/client_impl.h"
 #include "client/include/voxeld/client.h"
 #include "proto/output_format.h"
-#include "proto/percent_encoding.h"
+#include "proto/text/percent_encoding.h"
 
 namespace voxeld::client {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 
 namespace voxeld {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <set>
 
-#include "proto/client_texts.h"
-#include "proto/near_miss.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/near_miss.h"
 
 namespace voxeld {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "proto/hex.h"
 #include "proto/minecraft_blocks.h"
+#include "proto/text/hex.h"
 
 namespace voxeld {
 namespace {

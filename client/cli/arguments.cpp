@@ -13,9 +13,9 @@
 #include "client/cli/output_name.h"
 #include "client/cli/palette_flag.h"
 #include "proto/messages/job.h"
-#include "proto/near_miss.h"
 #include "proto/options/options.h"
 #include "proto/options/table.h"
+#include "proto/text/near_miss.h"
 #include "proto/version.h"
 
 namespace voxeld::cli {

@@ -19,7 +19,7 @@
 
 #include "client/cli/output_name.h"
 #include "proto/file_names/file_names.h"
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld::cli {
 namespace {

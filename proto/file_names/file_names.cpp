@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "proto/file_names/text_encodings.h"
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld {
 namespace {

@@ -1,7 +1,7 @@
 #include "proto/file_names/text_encodings.h"
 
 #include "proto/file_names/encoding_tables.h"
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld {
 

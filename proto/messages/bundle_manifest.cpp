@@ -7,11 +7,11 @@
 
 #include "proto/asset_id.h"
 #include "proto/blob_id.h"
-#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "proto/messages/field_rules.h"
 #include "proto/messages/job.h"
 #include "proto/messages/json_fields.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld {
 namespace {

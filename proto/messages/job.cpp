@@ -2,9 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "proto/client_texts.h"
 #include "proto/messages/job_fields.h"
 #include "proto/messages/json_fields.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld {
 namespace {

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "proto/messages/job.h"
 #include "proto/messages/json_bounds.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld {
 namespace {

@@ -1,7 +1,7 @@
 #include "proto/messages/json_fields.h"
 
-#include "proto/client_texts.h"
 #include "proto/messages/job_fields.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld {
 

@@ -4,14 +4,14 @@
 #include <charconv>
 
 #include "proto/channels.h"
-#include "proto/hex.h"
 #include "proto/limits.h"
 #include "proto/minecraft_blocks.h"
-#include "proto/number_text.h"
 #include "proto/options/morphology_limits.h"
 #include "proto/options/words.h"
 #include "proto/palette.h"
-#include "proto/text_file.h"
+#include "proto/text/hex.h"
+#include "proto/text/number_text.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld::option_codecs {
 namespace {

@@ -4,12 +4,12 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "proto/client_texts.h"
-#include "proto/near_miss.h"
 #include "proto/options/options.h"
 #include "proto/options/rules.h"
 #include "proto/options/table.h"
 #include "proto/options/values.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/near_miss.h"
 
 namespace voxeld {
 namespace {

@@ -6,12 +6,12 @@
 
 #include "proto/limits.h"
 #include "proto/minecraft_blocks.h"
-#include "proto/number_text.h"
 #include "proto/options/codecs.h"
 #include "proto/options/image_options.h"
 #include "proto/options/morphology_limits.h"
 #include "proto/options/words.h"
 #include "proto/palette.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld {
 namespace {

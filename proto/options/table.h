@@ -12,9 +12,9 @@
 #include <variant>
 #include <vector>
 
-#include "proto/client_texts.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld {
 

@@ -1,5 +1,5 @@
 #include "proto/options/values.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld::option_values {
 

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/client_texts.h"
 #include "proto/result.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld::option_values {
 

@@ -2,9 +2,9 @@
 
 #include <array>
 
-#include "proto/client_texts.h"
 #include "proto/palette_files/readers.h"
-#include "proto/text_file.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld {
 namespace {

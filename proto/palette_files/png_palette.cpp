@@ -11,7 +11,7 @@
 #include <optional>
 
 #include "proto/palette_files/readers.h"
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld::palette_files {
 namespace {

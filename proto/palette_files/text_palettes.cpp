@@ -7,9 +7,9 @@
 #include <optional>
 #include <string>
 
-#include "proto/number_text.h"
 #include "proto/palette_files/readers.h"
-#include "proto/text_file.h"
+#include "proto/text/number_text.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld::palette_files {
 namespace {

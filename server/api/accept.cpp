@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld::api {
 namespace {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/client_texts.h"
-#include "proto/near_miss.h"
 #include "proto/options/table.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/near_miss.h"
 
 namespace voxeld::api {
 namespace {

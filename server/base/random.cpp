@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 #include "server/base/check.h"
 
 namespace voxeld {

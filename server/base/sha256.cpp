@@ -11,7 +11,7 @@
 #include <span>
 
 #include "proto/blob_id.h"
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/base/disk/file.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/process/machine.h"
 
 namespace voxeld::gpu {

@@ -8,6 +8,7 @@
 
 #include "proto/codec/canonical_tile.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -21,15 +22,9 @@ std::span<const uint8_t> bytes_of(const T* data, size_t count) {
   return {reinterpret_cast<const uint8_t*>(data), count * sizeof(T)};
 }
 
-// Hashes bytes in pieces, with a cancellation point before each.
 void hash_in_pieces(Sha256& hash, std::span<const uint8_t> bytes) {
-  constexpr size_t kPieceBytes = size_t{1} << 20;
-  while (!bytes.empty()) {
-    cancel_point();
-    const auto piece = bytes.first(std::min(bytes.size(), kPieceBytes));
-    hash.update(piece);
-    bytes = bytes.subspan(piece.size());
-  }
+  in_pieces(bytes.size(), kPieceElements<uint8_t>,
+            [&](size_t begin, size_t end) { hash.update(bytes.subspan(begin, end - begin)); });
 }
 
 void hash_tile(const SparseTile& tile, Sha256& hash) {

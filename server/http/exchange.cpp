@@ -4,7 +4,7 @@
 #include <string_view>
 #include <utility>
 
-#include "proto/client_texts.h"
+#include "proto/text/client_texts.h"
 #include "server/base/log.h"
 #include "server/base/random.h"
 #include "server/http/client_address.h"

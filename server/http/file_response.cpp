@@ -4,8 +4,8 @@
 #include <optional>
 #include <utility>
 
-#include "proto/client_texts.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld::http {
 namespace {

@@ -13,7 +13,7 @@
 #include <system_error>
 #include <utility>
 
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 #include "server/base/check.h"
 #include "server/base/disk/directory.h"
 #include "server/base/disk/file.h"

@@ -10,7 +10,7 @@
 #include <system_error>
 #include <utility>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/disk/directory.h"
 #include "server/base/disk/file.h"
 #include "server/base/log.h"

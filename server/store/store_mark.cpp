@@ -11,7 +11,7 @@
 #include <span>
 #include <utility>
 
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 #include "server/base/check.h"
 #include "server/base/random.h"
 

@@ -21,7 +21,7 @@
 #include <vector>
 
 #include "proto/limits.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
 #include "server/volumes/dense_cells.h"

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld::volumes {
 

@@ -20,7 +20,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/volumes/dense_samples.h"
 #include "server/volumes/header_text.h"
 #include "server/volumes/volume_error.h"

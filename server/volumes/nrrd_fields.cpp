@@ -14,7 +14,7 @@
 #include <glm/common.hpp>
 
 #include "proto/limits.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/volumes/header_text.h"
 #include "server/volumes/volume_error.h"

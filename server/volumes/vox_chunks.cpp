@@ -29,11 +29,11 @@
 #include <string>
 #include <utility>
 
-#include "proto/hex.h"
 #include "proto/limits.h"
-#include "proto/number_text.h"
 #include "proto/options/values.h"
 #include "proto/palette.h"
+#include "proto/text/hex.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/volumes/volume_error.h"
 

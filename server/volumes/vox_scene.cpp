@@ -11,7 +11,7 @@
 #include <cstring>
 #include <string>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/volumes/volume_error.h"
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <span>
 
-#include "server/scene/gltf/draco.h"
-#include "server/scene/gltf/meshopt.h"
+#include "server/scene/gltf/compression/draco.h"
+#include "server/scene/gltf/compression/meshopt.h"
 
 namespace {
 

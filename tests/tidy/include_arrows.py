@@ -111,7 +111,7 @@ ARROWS = {
     "server/jobs/auth": jobs("auth", "database", "model"),
     "server/jobs/records": jobs("records", "database", "model", store=True),
     "server/jobs/events": jobs("events", "model"),
-    "server/jobs/estimates": jobs("estimates", "model"),
+    "server/jobs/estimates": jobs("estimates", "model", store=True),
     "server/jobs/scheduling": jobs("scheduling", "model", "records", "events"),
     "server/jobs/retention": jobs("retention", "auth", "database", "events", "model", "records",
                                   store=True),

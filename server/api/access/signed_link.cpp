@@ -1,7 +1,7 @@
 #include "server/api/access/signed_link.h"
 
-#include "proto/number_text.h"
-#include "proto/percent_encoding.h"
+#include "proto/text/number_text.h"
+#include "proto/text/percent_encoding.h"
 #include "server/base/clock.h"
 
 namespace voxeld::api {

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "proto/messages/json_writer.h"
-#include "server/api/resources/job_responses.h"
-#include "server/api/resources/job_wait.h"
+#include "server/api/resources/jobs/job_responses.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
 #include "server/api/resources/upload.h"

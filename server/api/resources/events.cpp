@@ -3,8 +3,8 @@
 #include <memory>
 #include <utility>
 
-#include "proto/number_text.h"
-#include "server/api/resources/job_wait.h"
+#include "proto/text/number_text.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/resources.h"
 
 namespace voxeld::api {

@@ -3,9 +3,9 @@
 #include <memory>
 #include <utility>
 
-#include "proto/client_texts.h"
 #include "proto/messages/json_writer.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld::api {
 

@@ -4,11 +4,11 @@
 #include <array>
 #include <optional>
 
-#include "proto/client_texts.h"
 #include "proto/messages/job.h"
-#include "proto/number_text.h"
-#include "server/api/resources/job_responses.h"
-#include "server/api/resources/job_wait.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
+#include "server/api/resources/jobs/job_responses.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/resources.h"
 #include "server/api/resources/upload.h"
 

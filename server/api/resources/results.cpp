@@ -2,8 +2,8 @@
 #include <algorithm>
 
 #include "proto/container/sequence_format.h"
-#include "server/api/resources/job_responses.h"
-#include "server/api/resources/job_wait.h"
+#include "server/api/resources/jobs/job_responses.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/resources.h"
 
 namespace voxeld::api {

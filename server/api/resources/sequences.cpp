@@ -2,12 +2,12 @@
 // in any format, and as images.
 #include <limits>
 
-#include "proto/client_texts.h"
 #include "proto/container/sequence_format.h"
 #include "proto/messages/json_writer.h"
-#include "proto/number_text.h"
-#include "server/api/resources/job_responses.h"
-#include "server/api/resources/job_wait.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
+#include "server/api/resources/jobs/job_responses.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
 

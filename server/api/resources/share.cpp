@@ -3,8 +3,8 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "proto/client_texts.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 #include "server/api/resources/resources.h"
 #include "server/base/clock.h"
 #include "server/http/message/head_parser.h"

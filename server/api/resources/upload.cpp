@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "proto/asset_id.h"
-#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "proto/messages/bundle_manifest.h"
+#include "proto/text/client_texts.h"
 #include "server/base/clock.h"
 
 namespace voxeld::api {

@@ -7,7 +7,7 @@
 
 #include "proto/messages/bundle_manifest.h"
 #include "server/api/resources/api.h"
-#include "server/api/resources/job_wait.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/store/object_store.h"
 
 namespace voxeld::api {

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "proto/client_texts.h"
+#include "proto/text/client_texts.h"
 #include "server/api/accept.h"
 #include "server/api/resources/resources.h"
 #include "server/api/web_files.h"

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "proto/client_texts.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld::api {
 namespace {

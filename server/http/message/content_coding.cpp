@@ -7,7 +7,7 @@
 #include <array>
 #include <string>
 
-#include "proto/client_texts.h"
+#include "proto/text/client_texts.h"
 #include "server/base/check.h"
 
 namespace voxeld::http {

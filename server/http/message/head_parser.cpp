@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <string>
 
-#include "proto/client_texts.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld::http {
 namespace {

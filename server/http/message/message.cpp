@@ -4,9 +4,9 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
-#include "proto/client_texts.h"
 #include "proto/messages/job.h"
-#include "proto/text_file.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld::http {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 #include "server/base/check.h"
 #include "server/base/random.h"
 

@@ -6,8 +6,8 @@
 #include <array>
 #include <span>
 
-#include "proto/client_texts.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 #include "server/base/check.h"
 #include "server/base/random.h"
 #include "server/base/sha256.h"

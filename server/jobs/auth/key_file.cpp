@@ -6,8 +6,8 @@
 #include <span>
 #include <utility>
 
-#include "proto/client_texts.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 #include "server/base/sha256.h"
 #include "server/jobs/auth/private_file.h"
 #include "server/jobs/model/tenant_limits.h"

@@ -3,7 +3,7 @@
 #include <array>
 #include <utility>
 
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 #include "server/base/check.h"
 #include "server/base/log.h"
 #include "server/base/random.h"

@@ -1,7 +1,7 @@
 #include "server/jobs/model/tenant_limits.h"
 
-#include "proto/client_texts.h"
-#include "proto/number_text.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld {
 namespace {

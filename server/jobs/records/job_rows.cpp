@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "proto/client_texts.h"
 #include "proto/messages/job_text.h"
+#include "proto/text/client_texts.h"
 #include "server/jobs/records/job_queue.h"
 #include "server/jobs/records/quota.h"
 

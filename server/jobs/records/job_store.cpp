@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/asset_id.h"
-#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "proto/messages/job.h"
+#include "proto/text/client_texts.h"
 #include "server/base/check.h"
 #include "server/base/clock.h"
 #include "server/base/random.h"

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "proto/hex.h"
+#include "proto/text/hex.h"
 
 namespace voxeld {
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <string_view>
 
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 
 namespace voxeld {
 

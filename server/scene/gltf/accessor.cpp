@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
-#include "server/scene/gltf/draco.h"
-#include "server/scene/gltf/meshopt.h"
+#include "server/scene/gltf/compression/draco.h"
+#include "server/scene/gltf/compression/meshopt.h"
 
 namespace voxeld::gltf {
 namespace {

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <utility>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld::gltf {

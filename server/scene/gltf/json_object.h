@@ -26,7 +26,7 @@
 #include <variant>
 #include <vector>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/document.h"

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "proto/limits.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"

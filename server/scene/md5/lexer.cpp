@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"

@@ -8,7 +8,7 @@
 #include <tuple>
 #include <utility>
 
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/images/textures.h"

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/md5/lexer.h"
 

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "proto/file_names/file_names.h"
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/md5/load.h"

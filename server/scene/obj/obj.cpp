@@ -14,7 +14,7 @@
 #include <glm/geometric.hpp>
 
 #include "proto/file_names/file_names.h"
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 #include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"

@@ -5,7 +5,7 @@
 
 #include <glm/geometric.hpp>
 
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"

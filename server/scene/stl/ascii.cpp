@@ -4,8 +4,8 @@
 #include <string>
 #include <utility>
 
-#include "proto/client_texts.h"
 #include "proto/limits.h"
+#include "proto/text/client_texts.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/core/vertex_table.h"

@@ -24,7 +24,7 @@
 #include <glm/geometric.hpp>
 
 #include "proto/limits.h"
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 #include "server/base/cancel_point.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"

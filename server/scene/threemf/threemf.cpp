@@ -8,7 +8,7 @@
 #include <glm/matrix.hpp>
 
 #include "proto/limits.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "proto/limits.h"
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 
 namespace voxeld {
 namespace {

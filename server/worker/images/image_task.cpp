@@ -3,7 +3,7 @@
 #include <string>
 #include <utility>
 
-#include "proto/number_text.h"
+#include "proto/text/number_text.h"
 #include "server/formats/formats.h"
 #include "server/render/animated_image.h"
 #include "server/voxel/frames/shared_frames.h"

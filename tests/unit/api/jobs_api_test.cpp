@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "server/api/resources/job_responses.h"
+#include "server/api/resources/jobs/job_responses.h"
 #include "server/process/memory_reserve.h"
 #include "tests/unit/api/api_server_fixture.h"
 #include "tests/unit/jobs/lists.h"

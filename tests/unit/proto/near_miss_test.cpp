@@ -1,5 +1,5 @@
 // Suggestions for misspelt names.
-#include "proto/near_miss.h"
+#include "proto/text/near_miss.h"
 
 #include <gtest/gtest.h>
 

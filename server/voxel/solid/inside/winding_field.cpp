@@ -95,7 +95,6 @@ WindingField::WindingField(const std::vector<glm::ivec3>& triangles, int sub_vox
   for (size_t i = 0; i + 2 < triangles.size(); i += 3) {
     cancel_point();
     const Triangle t = {point(triangles[i]), point(triangles[i + 1]), point(triangles[i + 2])};
-    cancel_point();
     if (t.a != t.c && t.b != t.c) push_in_pieces(triangles_, t);
   }
   if (!triangles_.empty()) build(0, static_cast<uint32_t>(triangles_.size()));

@@ -8,8 +8,8 @@
 #include <random>
 #include <string>
 
-#include "proto/hex.h"
 #include "proto/minecraft_blocks.h"
+#include "proto/text/hex.h"
 #include "server/formats/formats.h"
 #include "server/formats/minecraft/block_file.h"
 #include "server/formats/minecraft/litematic.h"

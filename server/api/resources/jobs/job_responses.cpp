@@ -1,4 +1,4 @@
-#include "server/api/resources/job_responses.h"
+#include "server/api/resources/jobs/job_responses.h"
 
 #include <algorithm>
 #include <array>
@@ -9,10 +9,10 @@
 #include <span>
 #include <vector>
 
-#include "proto/client_texts.h"
 #include "proto/messages/bundle_manifest.h"
 #include "proto/messages/job_text.h"
 #include "proto/output_format.h"
+#include "proto/text/client_texts.h"
 #include "server/api/accept.h"
 #include "server/http/file_response.h"
 

@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "proto/client_texts.h"
 #include "proto/messages/job_text.h"
-#include "server/api/resources/job_responses.h"
-#include "server/api/resources/job_wait.h"
+#include "proto/text/client_texts.h"
+#include "server/api/resources/jobs/job_responses.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
 

@@ -1,4 +1,4 @@
-#include "proto/client_texts.h"
+#include "proto/text/client_texts.h"
 
 namespace voxeld {
 

@@ -1,4 +1,4 @@
-#include "server/api/resources/job_wait.h"
+#include "server/api/resources/jobs/job_wait.h"
 
 #include <algorithm>
 #include <optional>

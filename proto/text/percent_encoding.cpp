@@ -1,4 +1,4 @@
-#include "proto/percent_encoding.h"
+#include "proto/text/percent_encoding.h"
 
 namespace voxeld {
 

@@ -1,4 +1,4 @@
-#include "proto/text_file.h"
+#include "proto/text/text_file.h"
 
 #include <cstring>
 

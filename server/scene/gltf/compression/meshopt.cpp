@@ -1,4 +1,4 @@
-#include "server/scene/gltf/meshopt.h"
+#include "server/scene/gltf/compression/meshopt.h"
 
 #include <meshoptimizer.h>
 

@@ -1,4 +1,4 @@
-#include "server/scene/gltf/draco.h"
+#include "server/scene/gltf/compression/draco.h"
 
 #include <draco/compression/decode.h>
 #include <draco/compression/point_cloud/point_cloud_decoder.h>

@@ -14,15 +14,15 @@
 
 #include <nlohmann/json.hpp>
 
-#include "proto/client_texts.h"
 #include "proto/container/distance_unit.h"
 #include "proto/container/grid_directory.h"
 #include "proto/container/grid_excerpt.h"
 #include "proto/container/grid_format.h"
-#include "proto/number_text.h"
 #include "proto/output_format.h"
-#include "server/api/resources/job_responses.h"
-#include "server/api/resources/job_wait.h"
+#include "proto/text/client_texts.h"
+#include "proto/text/number_text.h"
+#include "server/api/resources/jobs/job_responses.h"
+#include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/resources.h"
 #include "server/base/disk/file.h"
 

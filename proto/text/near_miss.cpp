@@ -1,4 +1,4 @@
-#include "proto/near_miss.h"
+#include "proto/text/near_miss.h"
 
 #include <algorithm>
 #include <string>
