@@ -351,6 +351,7 @@ class EpollServer final : public HttpServer {
   // --- the pool's threads
 
   void pool_loop(int thread) {
+    Connection::block_sigpipe();
     while (Client* client = next(thread)) serve(*client);
   }
 

@@ -1,6 +1,7 @@
 #include "server/http/sockets/connection.h"
 
 #include <poll.h>
+#include <signal.h>
 #include <sys/sendfile.h>
 #include <sys/socket.h>
 
@@ -60,6 +61,13 @@ int64_t Connection::send_file_some(int file, int64_t offset, int64_t bytes) {
     broken_ = true;  // also where the file ends before it should
     return 0;
   }
+}
+
+void Connection::block_sigpipe() {
+  sigset_t set;
+  ::sigemptyset(&set);
+  ::sigaddset(&set, SIGPIPE);
+  ::pthread_sigmask(SIG_BLOCK, &set, nullptr);
 }
 
 bool Connection::peer_closed() const {

@@ -29,6 +29,9 @@ class Connection {
   // broken().
   int64_t send_some(std::string_view bytes);
   int64_t send_file_some(int file, int64_t offset, int64_t bytes);
+  // For each thread that sends files: sendfile() to a client that has left raises SIGPIPE, and has
+  // no flag against that.
+  static void block_sigpipe();
   // Whether the peer closed its side, or this one was shut down, even if bytes are left unread.
   bool peer_closed() const;
   bool broken() const { return broken_; }
