@@ -113,6 +113,7 @@ void visit_fields(IsA<JobEstimate> auto& estimate, auto& visit) {
   visit(kOptional, "result_bytes", estimate.result_bytes);
   visit(kOptional, "host_bytes", estimate.host_bytes);
   visit(kOptional, "learned_from", estimate.learned_from);
+  visit(kUnlessDefault, "overrun", estimate.overrun);
 }
 
 void visit_fields(IsA<JobResult> auto& result, auto& visit) {

@@ -38,6 +38,12 @@ double share_done(const JobStatus& status) {
                            tiles / static_cast<double>(status.frames_total));
 }
 
+// 0: no more than four of five jobs need.
+double overrun(const JobEstimate& estimate, double device_seconds) {
+  const double factor = device_seconds / std::max(estimate.device_seconds, 1e-3);
+  return factor > estimate.seconds_high / estimate.seconds ? factor : 0;
+}
+
 }  // namespace
 
 void QueueForecast::changed(const JobRecord& record, const JobInput& input) {
@@ -134,6 +140,9 @@ void QueueForecast::fill(JobStatus& status) {
   refresh();
   const Expected& expected = expected_[status.id];
   status.estimate = live->second.estimate;
+  if (status.state == JobState::kRunning) {
+    status.estimate->overrun = overrun(live->second.estimate, status.device_ms / 1000);
+  }
   status.expected_start_ms =
       status.state == JobState::kRunning ? status.started_ms : expected.start_ms;
   status.expected_end_ms = expected.end_ms;

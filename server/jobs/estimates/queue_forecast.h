@@ -32,7 +32,8 @@ class QueueForecast {
 
   // A job was queued, claimed, put back or ended. `input` counts when it is new.
   void changed(const JobRecord& record, const JobInput& input) EXCLUDES(mutex_);
-  // Adds estimate and expected times to the status of a job that has not ended.
+  // Adds estimate and expected times to the status of a job that has not ended, whose device time it
+  // has.
   void fill(JobStatus& status) EXCLUDES(mutex_);
   // That a job is expected to take from now on; 0 of one that is not known.
   double expected_seconds(std::string_view id) EXCLUDES(mutex_);

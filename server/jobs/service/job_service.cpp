@@ -19,11 +19,12 @@ namespace voxeld {
 
 void Service::overlay(JobStatus& status) {
   board_.overlay(status);
-  forecast_.fill(status);
   if (status.state == JobState::kQueued) status.waiting_for = "a worker";
-  if (status.state != JobState::kRunning) return;
-  status.waiting_for = slices_.waiting_for(status.id);
-  status.device_ms += static_cast<double>(slices_.device_us(status.id)) / 1000.0;
+  if (status.state == JobState::kRunning) {
+    status.waiting_for = slices_.waiting_for(status.id);
+    status.device_ms += static_cast<double>(slices_.device_us(status.id)) / 1000.0;
+  }
+  forecast_.fill(status);
 }
 
 // The change is durable: a step that fails must not keep the next ones from being done.

@@ -173,6 +173,26 @@ TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
   EXPECT_GE(estimated.expected_start_ms, second_end - 1000);
 }
 
+TEST_F(JobCostsTest, a_running_job_tells_how_far_it_is_beyond_its_estimate) {
+  JobCosts costs(file());
+  QueueForecast queue(
+      costs, 1, [](const std::string&) { return 1.0; }, [](JobStatus&) {});
+  queue.changed(record("j-1", "", 1), kInput);
+  JobStatus status;
+  status.id = "j-1";
+  queue.fill(status);
+  ASSERT_TRUE(status.estimate);
+  EXPECT_EQ(status.estimate->overrun, 0);
+  const double expected_ms = status.estimate->device_seconds * 1000;
+  status.state = JobState::kRunning;
+  status.device_ms = expected_ms;
+  queue.fill(status);
+  EXPECT_EQ(status.estimate->overrun, 0);
+  status.device_ms = 100 * expected_ms;
+  queue.fill(status);
+  EXPECT_NEAR(status.estimate->overrun, 100, 1e-6);
+}
+
 TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {
   JobCosts costs(file());
   QueueForecast queue(
