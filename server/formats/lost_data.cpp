@@ -49,6 +49,11 @@ Held held_by(const Grid& grid, const OutputOptions& options, const std::string& 
     case Format::kPcd:
       held.names = held.alpha = false;
       break;
+    case Format::kVox:
+      held.channels = {.color = true, .label = true};
+      if (const auto ids = coloring_ids(grid)) held.channels.set(*ids);
+      held.alpha = false;
+      break;
     case Format::kQb:
       held.channels = {.color = true};
       held.alpha = held.units = held.placement = false;

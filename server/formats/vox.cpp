@@ -4,12 +4,16 @@
 //
 //   VOX 150 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA }
 //
+// If the grid has labels, each has its own models, in a group with its name:
+// nGRP 1 -> (nTRN -> nGRP -> (nTRN -> nSHP)*)*.
+//
 // In the file z points up: cell (x, y, z) of the grid becomes (x, -z, y), which keeps handedness.
 // If a grid has labels or materials and no colour, each id has a colour (id_color()). Voxels
 // without colour or id (those of full nodes, and all of a grid without either) get the mean colour
 // of the others, or a neutral grey. The root node's attributes hold dims, origin and voxel_size.
 #include <array>
 #include <string>
+#include <vector>
 
 #include "server/formats/formats.h"
 #include "server/formats/output_file.h"
@@ -21,24 +25,6 @@ namespace {
 constexpr int kSceneSideMax = 2000;  // the editor's world is 2000 x 2000 x 1000
 constexpr int kSceneHeightMax = 1000;
 constexpr uint32_t kVoxVersion = 150;
-
-// Writes the root transform, the group, and a transform and a shape per model; node ids follow file
-// order.
-void add_scene_graph(vox::Bytes& out, const vox::Models& models, const Grid& grid) {
-  vox::add_root(out, grid, models.size());
-  int index = 0;
-  for (const auto& [place, voxels] : models) {
-    vox::add_transform(out, 2 + 2 * index, place, vox::scene_size(grid.spec));
-    vox::Bytes shape;
-    shape.i32(3 + 2 * index);
-    shape.dict({});
-    shape.u32(1);
-    shape.i32(index);
-    shape.dict({});
-    out.chunk("nSHP", shape);
-    ++index;
-  }
-}
 
 }  // namespace
 
@@ -60,12 +46,19 @@ Status encode_vox(const Grid& grid, const OutputOptions& options, OutputFile& fi
   if (options.palette.empty()) vox::count_colors(grid, colors, counts);
   const Palette palette = vox::palette_of(std::move(counts), colors, options);
   vox::Models models = vox::models_of(grid, vox::entries_of(grid, colors, palette, options.dither));
-  if (models.empty()) models[{0, 0, 0}] = {};
+  if (models.empty()) models[{}] = {};
   vox::Bytes children;
-  for (const auto& [place, voxels] : models) {
-    vox::add_model(children, place, voxels, vox::scene_size(grid.spec));
+  std::vector<vox::Part> parts;
+  for (const auto& [part, voxels] : models) {
+    vox::add_model(children, part, voxels, vox::scene_size(grid.spec));
+    parts.push_back(part);
   }
-  add_scene_graph(children, models, grid);
+  vox::add_scene(children, grid, parts, [](vox::Bytes& shape, size_t part) {
+    shape.dict({});
+    shape.u32(1);
+    shape.u32(static_cast<uint32_t>(part));
+    shape.dict({});
+  });
   vox::add_palette(children, palette);
   VOXELD_TRY(vox::check_length(children.size()));
 

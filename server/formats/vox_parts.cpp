@@ -5,6 +5,7 @@
 
 #include "proto/options/values.h"
 #include "server/base/cancel_point.h"
+#include "server/formats/volume/volume_facts.h"
 
 namespace voxeld::vox {
 namespace {
@@ -13,14 +14,37 @@ uint32_t key_of(const uint8_t* color) {
   return color[0] | uint32_t{color[1]} << 8 | uint32_t{color[2]} << 16;
 }
 
-std::array<int, 3> model_size(const Place& model, const std::array<int, 3>& scene) {
+std::array<int, 3> model_size(const Part& part, const std::array<int, 3>& scene) {
   std::array<int, 3> size{};
-  for (size_t c = 0; c < 3; ++c) size[c] = std::min(kModelSide, scene[c] - model[c] * kModelSide);
+  for (size_t c = 0; c < 3; ++c) {
+    size[c] = std::min(kModelSide, scene[c] - part.place[c] * kModelSide);
+  }
   return size;
 }
 
-void add_transform_node(Bytes& out, int node, int child, const Dict& node_attributes,
-                        const Dict& frame) {
+// The translation of a model, whose pivot is its middle. The scene is centred and stands on the
+// floor.
+std::string translation_text(const Part& part, const std::array<int, 3>& scene) {
+  const std::array<int, 3> size = model_size(part, scene);
+  std::string text;
+  for (size_t c = 0; c < 3; ++c) {
+    const int centre = c == 2 ? 0 : scene[c] / 2;
+    if (c != 0) text += ' ';
+    text += std::to_string(part.place[c] * kModelSide + size[c] / 2 - centre);
+  }
+  return text;
+}
+
+Dict placement_of(const Grid& grid) {
+  const GridHeader header = container_header(grid);
+  return {{"dims", std::to_string(header.dims[0]) + "," + std::to_string(header.dims[1]) + "," +
+                       std::to_string(header.dims[2])},
+          {"origin", option_values::to_text(header.origin)},
+          {"voxel_size", option_values::to_text(header.voxel_size)}};
+}
+
+void add_transform(Bytes& out, int node, int child, const Dict& node_attributes,
+                   const Dict& frame) {
   Bytes content;
   content.i32(node);
   content.dict(node_attributes);
@@ -30,6 +54,15 @@ void add_transform_node(Bytes& out, int node, int child, const Dict& node_attrib
   content.i32(1);   // frames
   content.dict(frame);
   out.chunk("nTRN", content);
+}
+
+void add_group(Bytes& out, int node, const std::vector<int>& children) {
+  Bytes content;
+  content.i32(node);
+  content.dict({});
+  content.u32(static_cast<uint32_t>(children.size()));
+  for (const int child : children) content.i32(child);
+  out.chunk("nGRP", content);
 }
 
 }  // namespace
@@ -89,20 +122,22 @@ VoxelEntries entries_of(const Grid& grid, const Colors& colors, const Palette& p
 
 Models models_of(const Grid& grid, const VoxelEntries& entries) {
   Models models;
-  Place last_model = {-1, -1, -1};
-  std::vector<Voxel>* last = nullptr;  // of last_model; a map's elements do not move
-  const auto add = [&](int x, int y, int z, uint8_t entry) {
+  std::optional<Part> last_part;
+  std::vector<Voxel>* last = nullptr;  // of last_part; a map's elements do not move
+  const auto add = [&](int x, int y, int z, uint16_t label, uint8_t entry) {
     const std::array<int, 3> p = {x, grid.spec.dims.z - 1 - z, y};
-    const Place model = {p[0] / kModelSide, p[1] / kModelSide, p[2] / kModelSide};
-    if (model != last_model) last = &models[last_model = model];
+    const Part part{label, {p[0] / kModelSide, p[1] / kModelSide, p[2] / kModelSide}};
+    if (part != last_part) last = &models[*(last_part = part)];
     last->push_back({static_cast<uint8_t>(p[0] % kModelSide),
                      static_cast<uint8_t>(p[1] % kModelSide),
                      static_cast<uint8_t>(p[2] % kModelSide), static_cast<uint8_t>(entry + 1)});
   };
   for (size_t i = 0; i < grid.tiles.size(); ++i) {
     cancel_point();
-    for_each_voxel(grid.tiles[i],
-                   [&](int x, int y, int z, size_t voxel) { add(x, y, z, entries.of(i, voxel)); });
+    const std::vector<uint16_t>& labels = grid.tiles[i].label;
+    for_each_voxel(grid.tiles[i], [&](int x, int y, int z, size_t voxel) {
+      add(x, y, z, voxel < labels.size() ? labels[voxel] : uint16_t{0}, entries.of(i, voxel));
+    });
   }
   return models;
 }
@@ -115,10 +150,10 @@ void add_file_header(Bytes& out, uint32_t version, uint32_t children_bytes) {
   out.u32(children_bytes);
 }
 
-void add_model(Bytes& out, const Place& place, const std::vector<Voxel>& voxels,
+void add_model(Bytes& out, const Part& part, const std::vector<Voxel>& voxels,
                const std::array<int, 3>& scene) {
   Bytes size;
-  for (const int side : model_size(place, scene)) size.i32(side);
+  for (const int side : model_size(part, scene)) size.i32(side);
   out.chunk("SIZE", size);
   Bytes cells;
   cells.u32(static_cast<uint32_t>(voxels.size()));
@@ -128,33 +163,57 @@ void add_model(Bytes& out, const Place& place, const std::vector<Voxel>& voxels,
   out.chunk("XYZI", cells);
 }
 
-void add_root(Bytes& out, const Grid& grid, size_t models) {
-  const GridHeader header = container_header(grid);
-  add_transform_node(
-      out, 0, 1,
-      {{"dims", std::to_string(header.dims[0]) + "," + std::to_string(header.dims[1]) + "," +
-                    std::to_string(header.dims[2])},
-       {"origin", option_values::to_text(header.origin)},
-       {"voxel_size", option_values::to_text(header.voxel_size)}},
-      {});
-  Bytes group;
-  group.i32(1);
-  group.dict({});
-  group.u32(static_cast<uint32_t>(models));
-  for (int i = 0; i < static_cast<int>(models); ++i) group.i32(2 + 2 * i);
-  out.chunk("nGRP", group);
-}
-
-void add_transform(Bytes& out, int node, const Place& place, const std::array<int, 3>& scene) {
-  const std::array<int, 3> size = model_size(place, scene);
-  std::string text;
-  for (size_t c = 0; c < 3; ++c) {
-    // A model's pivot is its middle. The scene is centred and stands on the floor.
-    const int centre = c == 2 ? 0 : scene[c] / 2;
-    if (c != 0) text += ' ';
-    text += std::to_string(place[c] * kModelSide + size[c] / 2 - centre);
+void add_scene(Bytes& out, const Grid& grid, std::span<const Part> parts,
+               const std::function<void(Bytes& shape, size_t part)>& add_shape) {
+  const std::array<int, 3> scene = scene_size(grid.spec);
+  const bool has_labels = grid.channels.label;
+  constexpr int kFirst = 2;
+  // A transform and a group or shape for each label and part.
+  const auto group_nodes = [&](size_t begin, size_t end, int first) {
+    std::vector<int> nodes;
+    for (size_t i = begin; i < end; ++i) nodes.push_back(first + 2 * static_cast<int>(i - begin));
+    return nodes;
+  };
+  const auto end_of_label = [&](size_t begin) {
+    size_t end = begin;
+    while (end < parts.size() && (!has_labels || parts[end].label == parts[begin].label)) ++end;
+    return end;
+  };
+  const auto add_parts = [&](size_t begin, size_t end, int node) {
+    for (size_t i = begin; i < end; ++i, node += 2) {
+      add_transform(out, node, node + 1, {}, {{"_t", translation_text(parts[i], scene)}});
+      Bytes shape;
+      shape.i32(node + 1);
+      add_shape(shape, i);
+      out.chunk("nSHP", shape);
+    }
+  };
+  add_transform(out, 0, 1, placement_of(grid), {});
+  if (!has_labels) {
+    add_group(out, 1, group_nodes(0, parts.size(), kFirst));
+    return add_parts(0, parts.size(), kFirst);
   }
-  add_transform_node(out, node, node + 1, {}, {{"_t", text}});
+  std::vector<int> groups;
+  int node = kFirst;
+  for (size_t i = 0; i < parts.size();) {
+    const size_t end = end_of_label(i);
+    groups.push_back(node);
+    node += kFirst + 2 * static_cast<int>(end - i);
+    i = end;
+  }
+  add_group(out, 1, groups);
+  const std::vector<std::string> names = volume::names_of_ids(grid, Channel::kLabel);
+  size_t begin = 0;
+  for (const int group : groups) {
+    const size_t end = end_of_label(begin);
+    const uint16_t label = parts[begin].label;
+    Dict attributes;
+    if (label < names.size() && !names[label].empty()) attributes["_name"] = names[label];
+    add_transform(out, group, group + 1, attributes, {});
+    add_group(out, group + 1, group_nodes(begin, end, group + 2));
+    add_parts(begin, end, group + 2);
+    begin = end;
+  }
 }
 
 void add_palette(Bytes& out, const Palette& palette) {

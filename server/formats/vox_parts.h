@@ -2,7 +2,9 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -63,9 +65,14 @@ using Dict = std::map<std::string, std::string>;
 struct Voxel {
   uint8_t x, y, z, color;
 };
-// A model's place in the scene of models, z up.
-using Place = std::array<int, 3>;
-using Models = std::map<Place, std::vector<Voxel>>;
+// Cells that are one model: of one label, 0 if the grid has none, at a place among the models of the
+// scene, z up.
+struct Part {
+  uint16_t label = 0;
+  std::array<int, 3> place{};
+  std::strong_ordering operator<=>(const Part&) const = default;
+};
+using Models = std::map<Part, std::vector<Voxel>>;
 
 // Chooses the colours of voxels, as keys of the palette.
 class Colors {
@@ -98,13 +105,14 @@ Models models_of(const Grid& grid, const VoxelEntries& entries);
 
 void add_file_header(Bytes& out, uint32_t version, uint32_t children_bytes);
 // Writes the chunks SIZE and XYZI.
-void add_model(Bytes& out, const Place& place, const std::vector<Voxel>& voxels,
+void add_model(Bytes& out, const Part& part, const std::vector<Voxel>& voxels,
                const std::array<int, 3>& scene);
-// Writes node 0, with the grid's placement in its attributes, and node 1, the group of nodes 2, 4,
-// ...
-void add_root(Bytes& out, const Grid& grid, size_t models);
-// Writes the transform that places the shape `node` + 1.
-void add_transform(Bytes& out, int node, const Place& place, const std::array<int, 3>& scene);
+// Writes the scene graph: node 0 with the grid's placement in its attributes, node 1 the group of
+// all, for each label a group with its name, and for each part its transform and its shape, of which
+// `add_shape` writes what follows the node's id. Nodes are numbered in the order of the file.
+// `grid`: with channels, names and placement, its tiles do not matter. `parts` ascend.
+void add_scene(Bytes& out, const Grid& grid, std::span<const Part> parts,
+               const std::function<void(Bytes& shape, size_t part)>& add_shape);
 void add_palette(Bytes& out, const Palette& palette);
 // Errors: grid-too-large for more bytes than a .vox can have.
 Status check_length(uint64_t bytes);

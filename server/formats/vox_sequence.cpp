@@ -72,14 +72,14 @@ class VoxSequence {
     VOXELD_TRY(check_length(frame));
     vox::Models models =
         vox::models_of(frame, vox::entries_of(frame, *colors_, palette_, options_.dither));
-    if (models.empty() && shapes_.empty()) models[{0, 0, 0}] = {};
-    // A place that becomes empty shows a model without cells.
-    for (const auto& [place, shape] : shapes_) models.try_emplace(place);
-    for (const auto& [place, voxels] : models) {
-      VOXELD_ASSIGN(const uint32_t model, model_of(place, voxels));
-      Shape& shape = shapes_[place];
+    if (models.empty() && shapes_.empty()) models[{}] = {};
+    // A part that becomes empty shows a model without cells.
+    for (const auto& [part, shape] : shapes_) models.try_emplace(part);
+    for (const auto& [part, voxels] : models) {
+      VOXELD_ASSIGN(const uint32_t model, model_of(part, voxels));
+      Shape& shape = shapes_[part];
       if (shape.empty() && index > 0) {
-        VOXELD_ASSIGN(const uint32_t nothing, model_of(place, {}));
+        VOXELD_ASSIGN(const uint32_t nothing, model_of(part, {}));
         shape.emplace_back(0, nothing);
       }
       if (shape.empty() || shape.back().second != model) shape.emplace_back(index, model);
@@ -88,9 +88,9 @@ class VoxSequence {
   }
 
   // Writes the model unless an equal one was written.
-  Result<uint32_t> model_of(const vox::Place& place, const std::vector<vox::Voxel>& voxels) {
+  Result<uint32_t> model_of(const vox::Part& part, const std::vector<vox::Voxel>& voxels) {
     vox::Bytes model;
-    vox::add_model(model, place, voxels, scene_);
+    vox::add_model(model, part, voxels, scene_);
     const auto next = static_cast<uint32_t>(model_numbers_.size());
     const auto [known, is_new] = model_numbers_.try_emplace(sha256_id(model.bytes()), next);
     if (is_new) VOXELD_TRY(append(model));
@@ -99,21 +99,20 @@ class VoxSequence {
 
   vox::Bytes scene_graph() const {
     vox::Bytes out;
-    vox::add_root(out, source_.common(), shapes_.size());
-    int node = 2;
-    for (const auto& [place, shape] : shapes_) {
-      vox::add_transform(out, node, place, scene_);
-      vox::Bytes content;
-      content.i32(node + 1);
+    std::vector<vox::Part> parts;
+    std::vector<const Shape*> shapes;
+    for (const auto& [part, shape] : shapes_) {
+      parts.push_back(part);
+      shapes.push_back(&shape);
+    }
+    vox::add_scene(out, source_.common(), parts, [&](vox::Bytes& content, size_t part) {
       content.dict({{"_loop", "1"}});
-      content.u32(static_cast<uint32_t>(shape.size()));
-      for (const auto& [frame, model] : shape) {
+      content.u32(static_cast<uint32_t>(shapes[part]->size()));
+      for (const auto& [frame, model] : *shapes[part]) {
         content.u32(model);
         content.dict({{"_f", std::to_string(frame)}});
       }
-      out.chunk("nSHP", content);
-      node += 2;
-    }
+    });
     vox::add_palette(out, palette_);
     vox::Bytes meta;
     meta.dict({{"_anim_range", "0 " + std::to_string(source_.frame_count() - 1)}});
@@ -132,7 +131,7 @@ class VoxSequence {
   std::array<int, 3> scene_;
   std::optional<vox::Colors> colors_;
   Palette palette_;
-  std::map<vox::Place, Shape> shapes_;
+  std::map<vox::Part, Shape> shapes_;
   std::unordered_map<std::string, uint32_t> model_numbers_;  // by the hash of their chunks
 };
 

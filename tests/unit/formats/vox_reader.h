@@ -35,10 +35,16 @@ struct VoxScene {
 
   // World cell -> RGB of every voxel, by walking the scene graph from node 0.
   std::map<std::array<int, 3>, std::array<uint8_t, 3>> cells() const {
-    std::map<std::array<int, 3>, std::array<uint8_t, 3>> all;
     std::set<int> used;
-    walk(0, {0, 0, 0}, all, used);
+    auto all = cells_below(0, used);
     EXPECT_EQ(used.size(), models.size()) << "every model is placed";
+    return all;
+  }
+  // Those below one node; `used` gets their models.
+  std::map<std::array<int, 3>, std::array<uint8_t, 3>> cells_below(int node,
+                                                                   std::set<int>& used) const {
+    std::map<std::array<int, 3>, std::array<uint8_t, 3>> all;
+    walk(node, {0, 0, 0}, all, used);
     return all;
   }
 

@@ -118,6 +118,31 @@ TEST(Vox, a_grid_without_colours_has_one_for_each_label_or_material) {
   EXPECT_EQ(colors.size(), 100u);
 }
 
+TEST(Vox, labels_are_groups_with_their_names) {
+  std::vector<test::TestVoxel> voxels;
+  for (const auto& [x, label] : std::map<int, uint16_t>{{0, 2}, {1, 1}, {2, 0}, {290, 2}}) {
+    auto& voxel = voxels.emplace_back();
+    voxel.cell = {x, 0, 0};
+    voxel.label = label;
+  }
+  Grid grid = test::grid_of({300, 8, 8}, voxels, {.color = true, .label = true});
+  grid.meta = GridMeta::parse(R"({"labels":[{"id":1,"name":"left wheel"},{"id":2,"name":""}]})");
+  const test::VoxScene scene = written_scene(grid);
+  EXPECT_EQ(scene.cells().size(), 4u);
+  using Group = std::pair<std::string, std::set<std::array<int, 3>>>;
+  std::vector<Group> groups;
+  std::set<int> models;
+  for (const int node : scene.groups.at(1)) {
+    const test::VoxDict& attributes = scene.transforms.at(node).attributes;
+    auto& group = groups.emplace_back();
+    if (attributes.contains("_name")) group.first = attributes.at("_name");
+    for (const auto& [cell, color] : scene.cells_below(node, models)) group.second.insert(cell);
+  }
+  const auto cell = [&](int x) { return scene_cell(grid, x, 0, 0); };
+  EXPECT_EQ(groups, (std::vector<Group>{
+                        {"", {cell(2)}}, {"left wheel", {cell(1)}}, {"", {cell(0), cell(290)}}}));
+}
+
 TEST(Vox, the_turn_to_z_up_keeps_handedness) {
   const Grid grid = test::grid_of({10, 10, 10},
                                   {{{1, 0, 0}, {1, 0, 0, 255}, {}},
