@@ -124,6 +124,27 @@ class HostileMesh(unittest.TestCase):
             self.assertEqual(a.wait(hostile)["state"], "cancelled")
 
 
+class UnpreemptableJobs(unittest.TestCase):
+    def test_a_tenant_gets_a_worker_while_fills_of_others_have_all(self):
+        with Contention({name: 1 for name in "abcd"}) as load:
+            fills = {}
+            for name in "abc":
+                tenant = load.tenants[name]
+                asset = tenant.post("/v1/assets?filename=lattice.ply", lattice(28)).json()["id"]
+                fills[name] = tenant.submit(kind="voxelize", asset=asset, options={
+                    "fill": "solid", "sign": "winding", "size": 512, "cache": "no"})
+            for name, fill in fills.items():
+                load.wait_for_device(name, fill)
+            for _ in range(3):
+                status = load.tenants["d"].wait(load.submit("d", SMALL))
+                self.assertEqual(status["state"], "done", status)
+            for name, fill in fills.items():
+                status = load.status(name, fill)
+                self.assertEqual((status["state"], status["attempt"], status["preempted"]), ("running", 1, 0))
+            for name, fill in fills.items():
+                load.cancel(name, fill)
+
+
 class Memory(unittest.TestCase):
     def test_a_job_that_can_never_fit_is_refused_with_the_numbers(self):
         with Contention({"a": 1}, arguments=["--memory-max", "400M"]) as load:

@@ -84,6 +84,11 @@ std::optional<size_t> own_victim(const PreemptionView& view, const QueueHead& he
 
 }  // namespace
 
+bool is_left_out(const PreemptionView& view) {
+  const auto stopping = std::ranges::count_if(view.started, &StartedJob::is_preemptible);
+  return without_worker(view).size() > static_cast<size_t>(stopping);
+}
+
 bool may_be_preempted(const StartedJob& job) {
   if (!job.is_preemptible) return false;
   const double worked = job.slot_seconds - job.preparation_seconds;

@@ -53,4 +53,7 @@ bool may_be_preempted(const StartedJob& job);
 // the queued one is in danger.
 std::vector<size_t> jobs_to_preempt(const PreemptionView& view);
 
+// Whether a tenant waits without a worker, and too few started jobs will ever give one up.
+bool is_left_out(const PreemptionView& view);
+
 }  // namespace voxeld

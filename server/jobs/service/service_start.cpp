@@ -108,6 +108,9 @@ TaskServerConfig Service::server_config() {
     Supervisor* supervisor = supervising_;
     return supervisor == nullptr ? 0 : supervisor->reserve();
   };
+  server.set_extra = [this](const std::string& device, int workers) {
+    if (Supervisor* supervisor = supervising_) supervisor->set_extra(device, workers);
+  };
   server.slot_of = [this](int64_t pid) {
     Supervisor* supervisor = supervising_;
     return supervisor == nullptr ? 0 : supervisor->slot_of(pid).value_or(0);
@@ -125,6 +128,7 @@ void Service::start_supervisor() {
   config.devices = config_.devices;
   config.workers_per_device = supervised_workers();
   config.reserve_max = reserve_of(WorkerIsolation::kTask, supervised_workers());
+  config.extra_max = config_.is_fair ? kExtraWorkersMax : 0;
   config.arguments = config_.worker_arguments;
   config.on_exit = [this](const std::string& device, const ExitReason&) {
     metrics_.worker_restarted(device);

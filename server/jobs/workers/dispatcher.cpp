@@ -1,6 +1,7 @@
 #include "server/jobs/workers/dispatcher.h"
 
 #include <algorithm>
+#include <iterator>
 #include <thread>
 #include <utility>
 
@@ -19,6 +20,9 @@ constexpr int kIdlePollsPerClaim = 10;
 constexpr std::chrono::seconds kReplacePeriod{5};
 // A device's queue is looked at so often while all of its workers are busy.
 constexpr std::chrono::milliseconds kLookPeriod{100};
+// A worker is added where a tenant was left out for so long, and goes when nobody has needed it for
+// so long.
+constexpr std::chrono::seconds kExtraAfter{3}, kExtraKept{10};
 
 const std::string& input_of(const JobStatus& status) {
   if (!status.grid.empty()) return status.grid;
@@ -156,7 +160,7 @@ void Dispatcher::assign_jobs(const std::string& device, bool is_poll) {
   std::optional<int> blocked;  // nullopt: nobody has looked into the queue
   while (!stopping_ && put_back_unassigned()) {
     const DeviceSlots slots = slots_of(device);
-    if (free_slots(slots) == 0) break;
+    if (slots.free == 0) break;
     const auto pick = [&](const std::vector<QueueHead>& heads) {
       const HeadChoice choice = choose_head(device, slots, heads);
       blocked = choice.blocked;
@@ -179,6 +183,7 @@ void Dispatcher::assign_jobs(const std::string& device, bool is_poll) {
   }
   note_blocked(device, blocked);
   renew_workers(device, blocked.value_or(0));
+  if (is_poll) drop_extra(device);
   claimed_epoch_[device] = epoch;
 }
 
@@ -188,7 +193,7 @@ HeadChoice Dispatcher::choose_head(const std::string& device, const DeviceSlots&
   if (config_.is_fair) {
     context_.slices.set_queued(device, tenants_of(heads));
     return pick_runnable_head(
-        heads, slots.idle, free_slots(slots), slots.started, isolated,
+        heads, slots.idle, slots.free, slots.started, isolated,
         [&](const std::string& tenant) { return context_.slices.share(device, tenant); });
   }
   if (heads.empty()) return {};
@@ -256,6 +261,8 @@ Dispatcher::DeviceSlots Dispatcher::slots_of(const std::string& device) const {
   for (const auto& [number, worker] : workers_) {
     if (worker.info.device == device) slots.add(worker);
   }
+  slots.extra = extra_of(device);
+  slots.free = free_slots(device, slots);
   return slots;
 }
 
@@ -280,6 +287,8 @@ bool Dispatcher::assign(std::vector<IdleSlot> idle, const JobRecord& record) {
   Worker* worker = find(wanted);
   if (worker == nullptr || !worker->is_idle || worker->is_replaced) return false;
   worker->idle.past.add(record.tenant, record.asset_tenant);
+  const auto extra = extra_.find(worker->info.device);
+  if (extra != extra_.end()) extra->second.left_out_since.reset();
   // From here on nothing allocates: the worker has all of the job, or nothing.
   worker->assigned = std::move(assigned);
   worker->started = std::move(started);
@@ -302,10 +311,11 @@ int Dispatcher::reserve() const {
 }
 
 // Tasks that may start now. Workers of others than the daemon add to those that it runs itself.
-size_t Dispatcher::free_slots(const DeviceSlots& slots) const {
+size_t Dispatcher::free_slots(const std::string& device, const DeviceSlots& slots) const {
   const int held_back = reserve();
   if (held_back == 0) return slots.idle.size();
-  const int places = std::max(config_.workers_per_device, slots.connected - held_back);
+  const int places =
+      std::max(config_.workers_per_device + extra_of(device), slots.connected - held_back);
   const int free = places - static_cast<int>(slots.started.size());
   return std::min(slots.idle.size(), static_cast<size_t>(std::max(free, 0)));
 }
@@ -314,8 +324,10 @@ size_t Dispatcher::free_slots(const DeviceSlots& slots) const {
 bool Dispatcher::is_free_slot_left() const {
   std::map<std::string, DeviceSlots> devices;
   for (const auto& [number, worker] : workers_) devices[worker.info.device].add(worker);
-  return std::any_of(devices.begin(), devices.end(),
-                     [&](const auto& device) { return free_slots(device.second) > 0; });
+  for (const auto& [device, slots] : devices) {
+    if (free_slots(device, slots) > 0) return true;
+  }
+  return false;
 }
 
 void Dispatcher::note_blocked(const std::string& device, std::optional<int> blocked) {
@@ -335,8 +347,8 @@ void Dispatcher::renew_workers(const std::string& device, int blocked) {
   const auto now = Clock::now();
   const auto since = std::max(renewal.blocked_since.value_or(now), renewal.replaced_at);
   const bool is_late = blocked > 0 && now - since > kReplacePeriod;
-  const int coming =
-      is_late ? 0 : std::max(0, config_.workers_per_device + reserve() - slots.connected);
+  const int processes = config_.workers_per_device + reserve() + slots.extra;
+  const int coming = is_late ? 0 : std::max(0, processes - slots.connected);
   const std::vector<int64_t> replaced =
       workers_to_replace(slots.idle, isolation(), reserve() + blocked, coming);
   if (replaced.empty()) return;
@@ -441,12 +453,67 @@ void Dispatcher::choose_preempted(const std::string& device) {
         return config_.expected_seconds ? config_.expected_seconds(job) : 0.0;
       },
       context_.jobs.deadline_now_ms()};
+  add_extra(device, is_left_out(view));
   const std::vector<size_t> preempted = jobs_to_preempt(view);
   for (size_t i = 0; i < busy.size(); ++i) {
     const bool is_asked = std::find(preempted.begin(), preempted.end(), i) != preempted.end();
     busy[i]->started->is_asked = is_asked;
     busy[i]->was_asked |= is_asked;
   }
+}
+
+// --- extra workers
+
+int Dispatcher::extra_of(const std::string& device) const {
+  const auto found = extra_.find(device);
+  return found == extra_.end() ? 0 : found->second.workers;
+}
+
+void Dispatcher::set_extra(const std::string& device, int workers) {
+  Extra& extra = extra_[device];
+  extra.workers = workers;
+  extra.left_out_since.reset();
+  extra.changed_at = Clock::now();
+  config_.set_extra(device, workers);
+  log::info("workers of a device",
+            {{"device", device}, {"usual", config_.workers_per_device}, {"extra", workers}});
+  ++work_epoch_;  // a fresh worker in reserve may take a task at once
+  work_.notify_all();
+}
+
+// All workers of the device are busy.
+void Dispatcher::add_extra(const std::string& device, bool is_left_out) {
+  if (!config_.set_extra) return;
+  Extra& extra = extra_[device];
+  if (!is_left_out) return extra.left_out_since.reset();
+  const auto now = Clock::now();
+  if (!extra.left_out_since) extra.left_out_since = now;
+  if (now - *extra.left_out_since < kExtraAfter || extra.workers == kExtraWorkersMax) return;
+  set_extra(device, extra.workers + 1);
+}
+
+// Ends an idle worker in a slot that the device no longer has, or in its highest one where a place
+// stays free without it.
+void Dispatcher::drop_extra(const std::string& device) {
+  const DeviceSlots slots = slots_of(device);
+  std::optional<int64_t> dropped;
+  {
+    MutexLock lock(mutex_);
+    const auto found = extra_.find(device);
+    if (found == extra_.end()) return;
+    const Extra& extra = found->second;
+    const int places = config_.workers_per_device + extra.workers;
+    const int highest = places + reserve() - 1;
+    const bool is_needed = extra.workers == 0 || std::ssize(slots.started) + 2 > places ||
+                           Clock::now() - extra.changed_at < kExtraKept;
+    for (const IdleSlot& idle : slots.idle) {
+      if (idle.slot < highest || (idle.slot == highest && is_needed)) continue;
+      dropped = idle.connection;
+      if (idle.slot == highest) set_extra(device, extra.workers - 1);
+      break;
+    }
+  }
+  if (dropped) replace({*dropped});
 }
 
 }  // namespace voxeld

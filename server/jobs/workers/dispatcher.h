@@ -1,5 +1,5 @@
 // Assigns queued jobs to workers that wait, keeps fresh workers in reserve (worker_isolation.h),
-// and asks started jobs to give up their workers (preemption.h).
+// asks started jobs to give up their workers (preemption.h), and adds workers where none will.
 #pragma once
 
 #include <atomic>
@@ -79,12 +79,21 @@ class Dispatcher {
     std::vector<IdleSlot> idle;
     std::vector<StartedJob> started;
     int connected = 0;  // those, and what is between two tasks
+    int extra = 0;
+    size_t free = 0;  // tasks that may start now
 
     void add(const Worker& worker);
   };
   struct Renewal {
     std::optional<Clock::time_point> blocked_since;  // a head of the queue waits for a fresh worker
     Clock::time_point replaced_at{};                 // when a worker was last replaced
+  };
+
+  // Workers that a device has beyond its usual ones (kExtraWorkersMax).
+  struct Extra {
+    int workers = 0;
+    std::optional<Clock::time_point> left_out_since;  // a tenant waits for one more
+    Clock::time_point changed_at{};
   };
 
   // --- waiting
@@ -112,7 +121,7 @@ class Dispatcher {
   // --- isolation
   WorkerIsolation isolation() const;
   int reserve() const;
-  size_t free_slots(const DeviceSlots& slots) const;
+  size_t free_slots(const std::string& device, const DeviceSlots& slots) const REQUIRES(mutex_);
   bool is_free_slot_left() const REQUIRES(mutex_);
   // `blocked`: heads of the queue that wait for fresh workers; nullopt: nobody looked.
   void note_blocked(const std::string& device, std::optional<int> blocked) REQUIRES(claim_mutex_);
@@ -123,6 +132,11 @@ class Dispatcher {
   // --- preemption
   bool is_time_to_look(const std::string& device) EXCLUDES(mutex_);
   void choose_preempted(const std::string& device) EXCLUDES(mutex_);
+  // --- extra workers
+  int extra_of(const std::string& device) const REQUIRES(mutex_);
+  void set_extra(const std::string& device, int workers) REQUIRES(mutex_);
+  void add_extra(const std::string& device, bool is_left_out) REQUIRES(mutex_);
+  void drop_extra(const std::string& device) EXCLUDES(mutex_);
   std::vector<Worker*> busy_workers(const std::string& device, std::vector<StartedJob>& started)
       REQUIRES(mutex_);
 
@@ -143,6 +157,7 @@ class Dispatcher {
   std::map<int64_t, Worker> workers_ GUARDED_BY(mutex_);  // by number
   // By device: when its busy workers have last looked who waits.
   std::map<std::string, Clock::time_point> looked_at_ GUARDED_BY(mutex_);
+  std::map<std::string, Extra> extra_ GUARDED_BY(mutex_);  // by device
   int64_t tasks_ended_ GUARDED_BY(mutex_) = 0;
 };
 

@@ -18,7 +18,8 @@ constexpr size_t kExitsKept = 64;
 }  // namespace
 
 Supervisor::Supervisor(SupervisorConfig config) : config_(std::move(config)) {
-  for (int number = 0; number < config_.workers_per_device + config_.reserve_max; ++number) {
+  const int slots_max = config_.workers_per_device + config_.reserve_max + config_.extra_max;
+  for (int number = 0; number < slots_max; ++number) {
     for (const std::string& device : config_.devices) {
       auto slot = std::make_unique<Slot>();
       slot->device = device;
@@ -43,8 +44,7 @@ Supervisor::~Supervisor() {
 
 void Supervisor::run(Slot& slot) {
   double backoff = kBackoffSecondsMin;
-  if (!wait_to_start(slot)) return;
-  while (true) {
+  while (wait_to_start(slot)) {
     {
       // Under the lock: stop() either prevents this start or sees the child.
       MutexLock lock(mutex_);
@@ -96,7 +96,10 @@ bool Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
 
 bool Supervisor::may_start(const Slot& slot) const {
   if (slot.number == 0) return true;
-  return slot.number < config_.workers_per_device + reserve_ && opened_.contains(slot.device);
+  const auto extra = extra_.find(slot.device);
+  const int slots =
+      config_.workers_per_device + reserve_ + (extra == extra_.end() ? 0 : extra->second);
+  return slot.number < slots && opened_.contains(slot.device);
 }
 
 bool Supervisor::wait_to_start(const Slot& slot) {
@@ -119,6 +122,12 @@ void Supervisor::keep_reserve(int workers_per_device) {
 int Supervisor::reserve() const {
   MutexLock lock(mutex_);
   return reserve_;
+}
+
+void Supervisor::set_extra(const std::string& device, int workers) {
+  MutexLock lock(mutex_);
+  extra_[device] = std::clamp(workers, 0, config_.extra_max);
+  changed_.notify_all();
 }
 
 void Supervisor::replace(int64_t pid) {

@@ -6,6 +6,7 @@
 #include <deque>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -24,6 +25,7 @@ struct SupervisorConfig {
   std::vector<std::string> devices;
   int workers_per_device = 1;
   int reserve_max = 0;                 // that keep_reserve() may ask for
+  int extra_max = 0;                   // that set_extra() may ask for
   std::vector<std::string> arguments;  // appended
   // Called after a worker has ended and before the next one starts.
   std::function<void(const std::string& device, const ExitReason& reason)> on_exit;
@@ -56,6 +58,9 @@ class Supervisor {
   // than before.
   void keep_reserve(int workers_per_device);
   int reserve() const;
+  // Runs so many more workers of one device. Where there were more, those of the highest slots are
+  // not started again once they end.
+  void set_extra(const std::string& device, int workers);
   // SIGKILL to a worker of ours, and at once the next one in its slot: that counts as no restart.
   void replace(int64_t pid);
   // The slot of a worker that is ours; nullopt for others.
@@ -95,6 +100,7 @@ class Supervisor {
   CondVar changed_;
   bool stopping_ GUARDED_BY(mutex_) = false;
   int reserve_ GUARDED_BY(mutex_) = 0;
+  std::map<std::string, int, std::less<>> extra_ GUARDED_BY(mutex_);  // by device
   std::set<std::string, std::less<>> opened_
       GUARDED_BY(mutex_);                            // devices whose first worker is up
   std::deque<ExitReason> exits_ GUARDED_BY(mutex_);  // newest last, kExitsKept

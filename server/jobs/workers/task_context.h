@@ -24,6 +24,10 @@
 
 namespace voxeld {
 
+// Workers of a device that are added one by one where tasks that cannot be preempted have all
+// others and a tenant waits without one.
+inline constexpr int kExtraWorkersMax = 4;
+
 struct TaskServerConfig {
   std::filesystem::path socket;        // DIR/run/tasks.sock
   std::filesystem::path scratch_root;  // a folder per connection is made here
@@ -36,7 +40,9 @@ struct TaskServerConfig {
   std::function<WorkerIsolation()> isolation;  // asked before each claim; null: kNone
   // Tasks of a device that run at a time, where it has more processes: `reserve` tells by how many.
   int workers_per_device = 1;
-  std::function<int()> reserve;             // null: 0
+  std::function<int()> reserve;  // null: 0
+  // Runs so many more processes of a device, at most kExtraWorkersMax; null: never.
+  std::function<void(const std::string& device, int workers)> set_extra;
   std::function<int(int64_t pid)> slot_of;  // among the device's processes; null: 0
   // A worker that has opened its device is there.
   std::function<void(const std::string& device)> on_connected;

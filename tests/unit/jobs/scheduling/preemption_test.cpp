@@ -33,13 +33,18 @@ StartedJob job(const std::string& tenant, int priority = 0, int64_t seq = 0) {
 
 class Preemption : public ::testing::Test {
  protected:
+  PreemptionView view(const std::vector<QueueHead>& heads, const std::vector<StartedJob>& started) {
+    return {heads,
+            started,
+            [&](const std::string& tenant) { return shares_[tenant]; },
+            [&](const std::string& tenant) {
+              return weights_.contains(tenant) ? weights_[tenant] : 1.0;
+            },
+            [&](const std::string&) { return expected_seconds_; },
+            1'000'000};
+  }
   Indices preempted(const std::vector<QueueHead>& heads, const std::vector<StartedJob>& started) {
-    return jobs_to_preempt({heads, started,
-                            [&](const std::string& tenant) { return shares_[tenant]; },
-                            [&](const std::string& tenant) {
-                              return weights_.contains(tenant) ? weights_[tenant] : 1.0;
-                            },
-                            [&](const std::string&) { return expected_seconds_; }, 1'000'000});
+    return jobs_to_preempt(view(heads, started));
   }
 
   std::map<std::string, double> shares_, weights_;
@@ -97,6 +102,18 @@ TEST_F(Preemption, jobs_that_cannot_be_preempted_are_left_and_the_next_tenant_is
   EXPECT_EQ(preempted({head("c", 9)}, started), Indices{0});
   started[0].slot_seconds = 2;
   EXPECT_EQ(preempted({head("c", 9)}, started), Indices{});
+}
+
+TEST_F(Preemption, a_tenant_is_left_out_where_no_job_will_ever_stop) {
+  std::vector<StartedJob> fills = {job("a"), job("b")};
+  for (StartedJob& fill : fills) fill.is_preemptible = false;
+  const std::vector<QueueHead> one = {head("c", 9)}, two = {head("c", 9), head("d", 10)};
+  EXPECT_TRUE(is_left_out(view(one, fills)));
+  EXPECT_FALSE(is_left_out(view({}, fills)));
+  EXPECT_FALSE(is_left_out(view({head("a", 9)}, fills))) << "it has a worker";
+  fills[1].is_preemptible = true;
+  EXPECT_FALSE(is_left_out(view(one, fills)));
+  EXPECT_TRUE(is_left_out(view(two, fills)));
 }
 
 TEST_F(Preemption, a_tenant_that_has_several_workers_gives_one_and_loses_nothing) {

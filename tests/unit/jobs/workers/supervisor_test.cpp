@@ -159,5 +159,35 @@ TEST(Supervisor, the_reserve_starts_with_the_first_worker_and_grows_only) {
   EXPECT_TRUE(testing::comes_true([&] { return starts() == 5; }));
 }
 
+TEST(Supervisor, an_extra_worker_goes_and_does_not_come_back) {
+  testing::TemporaryDir dir;
+  const auto file = dir.path() / "pids";
+  SupervisorConfig config = shell(dir, "echo $$ >> " + file.string() + "; exec sleep 100");
+  config.extra_max = 2;
+  Supervisor supervisor(config);
+  const auto pids = [&] {
+    std::vector<int64_t> all;
+    std::ifstream in(file);
+    for (int64_t pid = 0; in >> pid;) all.push_back(pid);
+    return all;
+  };
+  supervisor.start_others("llvmpipe");
+  EXPECT_TRUE(testing::comes_true([&] { return pids().size() == 1; }));
+  supervisor.set_extra("llvmpipe", 1);
+  EXPECT_TRUE(testing::comes_true([&] { return pids().size() == 2; }));
+  const int64_t extra = pids()[1];
+  EXPECT_EQ(supervisor.slot_of(extra), 1);
+  supervisor.set_extra("llvmpipe", 0);
+  EXPECT_EQ(supervisor.slot_of(extra), 1);  // it works on
+  supervisor.replace(extra);
+  EXPECT_TRUE(testing::comes_true([&] { return !supervisor.slot_of(extra); }));
+  // The other one is replaced meanwhile, so its thread has had the time to start one.
+  supervisor.replace(pids()[0]);
+  EXPECT_TRUE(testing::comes_true([&] { return pids().size() == 3; }));
+  EXPECT_EQ(supervisor.slot_of(pids()[2]), 0);
+  supervisor.set_extra("llvmpipe", 9);
+  EXPECT_TRUE(testing::comes_true([&] { return pids().size() == 5; }));
+}
+
 }  // namespace
 }  // namespace voxeld
