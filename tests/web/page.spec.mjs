@@ -185,6 +185,30 @@ test("a dropped mesh is described, shown, and saved with the bytes of the CLI", 
   expect(taken.bytes.equals(readFileSync(own))).toBe(true);
 });
 
+test("a double click marks a voxel, and others tell how far they are from it", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  const canvas = page.locator("#canvas");
+  const box = await canvas.boundingBox();
+  const middle = { x: box.width / 2, y: box.height / 2 };
+  await canvas.hover({ position: middle });
+  await expect(page.locator("#pick")).toContainText(/cell/i);
+  await expect(page.locator("#pick")).not.toContainText("from the mark");
+  await canvas.dblclick({ position: middle });
+  await expect(page.locator("#pick")).toContainText("0, 0, 0 cells from the mark: 0");
+  const cellOf = text => text.match(/-?\d+/g).slice(0, 3).map(Number);
+  const from = cellOf(await page.locator("#pick").textContent());
+  await canvas.hover({ position: { x: middle.x + box.height / 20, y: middle.y + box.height / 20 } });
+  await expect(page.locator("#pick")).not.toContainText("0, 0, 0 cells from the mark");
+  const text = await page.locator("#pick").textContent();
+  const to = cellOf(text);
+  expect(text).toContain(`${to.map((c, k) => c - from[k]).join(", ")} cells from the mark: `);
+  await canvas.dblclick({ position: { x: 3, y: 3 } });
+  await canvas.hover({ position: middle });
+  await expect(page.locator("#pick")).not.toContainText("from the mark");
+});
+
 /** The files of a sample, written to a folder of their own. */
 async function sampleFiles(page, name) {
   const script = execFileSync(

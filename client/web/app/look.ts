@@ -18,6 +18,7 @@ export class Look {
   readonly #cutRow: HTMLElement;
   readonly #cutText = h("output", { htmlFor: "cut" });
   #meta: GridMeta = {};
+  #from: Hit["cell"] | null = null; // where a measure begins, in the grid's cells
 
   constructor(
     parent: HTMLElement,
@@ -71,7 +72,13 @@ export class Look {
       ),
     );
     canvas.addEventListener("pointermove", event => {
-      if (event.buttons === 0) this.#pick(event.offsetX, event.offsetY);
+      if (event.buttons === 0) this.#pick(event);
+    });
+    canvas.addEventListener("click", event => this.#pick(event)); // a finger does not move there
+    canvas.addEventListener("dblclick", event => {
+      const hit = this.#hit(event);
+      this.#from = hit ? this.#cellOf(hit) : null;
+      this.#pick(event);
     });
     canvas.addEventListener("pointerleave", () => {
       this.pickText.hidden = true;
@@ -81,6 +88,7 @@ export class Look {
 
   /** Adapts to the grid that is shown. */
   show(meta: GridMeta): void {
+    if (String(meta.dims) !== String(this.#meta.dims)) this.#from = null;
     this.#meta = meta;
     const grid = this.stage.grid;
     const known: Choice[] = (this.stage.isLive ? (grid?.channels ?? []) : []).map(value => ({
@@ -143,8 +151,16 @@ export class Look {
     this.stage.section = { plane: plane as unknown as Section["plane"], box: null };
   }
 
-  #pick(x: number, y: number): void {
-    const hit = this.stage.isLive ? (this.stage.viewer?.pick(x, y) ?? null) : null;
+  #hit(event: MouseEvent): Hit | null {
+    return this.stage.isLive ? (this.stage.viewer?.pick(event.offsetX, event.offsetY) ?? null) : null;
+  }
+
+  #cellOf(hit: Hit): Hit["cell"] {
+    return hit.cell.map(c => c * this.#scale) as unknown as Hit["cell"];
+  }
+
+  #pick(event: MouseEvent): void {
+    const hit = this.#hit(event);
     this.pickText.hidden = !hit;
     if (!hit) return;
     const swatch = h("i", { className: "swatch", "aria-hidden": "true" });
@@ -155,7 +171,8 @@ export class Look {
   #describe(hit: Hit): string {
     const named = (list: readonly NamedId[] | undefined, id: number) =>
       list?.find(one => one.id === id)?.name || `#${id}`;
-    const [x, y, z] = hit.cell.map(c => c * this.#scale) as [number, number, number];
+    const cell = this.#cellOf(hit);
+    const [x, y, z] = cell;
     const parts = [t("cell", { x, y, z })];
     if (hit.color)
       parts.push(
@@ -172,6 +189,15 @@ export class Look {
       parts.push(t("distanceIs", { n: this.#distanceText(hit.distance * this.#scale) }));
     if (hit.coverage !== undefined)
       parts.push(t("coverageIs", { n: Math.round(100 * hit.coverage) }));
+    if (this.#from) parts.push(this.#measure(this.#from, cell));
     return parts.join(" · ");
+  }
+
+  // Between the middles of two cells.
+  #measure(from: Hit["cell"], to: Hit["cell"]): string {
+    const size = this.#meta.voxel_size ?? [1, 1, 1];
+    const [x, y, z] = to.map((c, k) => c - (from[k] as number)) as [number, number, number];
+    const n = Number(Math.hypot(x * size[0], y * size[1], z * size[2]).toPrecision(4));
+    return t("measure", { x, y, z, n, unit: this.#meta.units ?? "" });
   }
 }

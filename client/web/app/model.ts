@@ -64,6 +64,7 @@ export interface GridMeta {
   readonly voxel_size?: readonly [number, number, number];
   readonly voxel_count?: number;
   readonly options?: { readonly distance?: string };
+  readonly units?: string;
   readonly channels?: readonly string[];
   readonly materials?: readonly NamedId[];
   readonly labels?: readonly NamedId[];
