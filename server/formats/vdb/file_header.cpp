@@ -3,6 +3,7 @@
 #include <array>
 
 #include "server/base/sha256.h"
+#include "server/formats/vdb/named_grids.h"
 #include "server/formats/volume/volume_facts.h"
 
 namespace voxeld::vdb {
@@ -65,7 +66,7 @@ void put_meta(Bytes& out, const MetaMap& meta) {
 
 void put_transform(Bytes& out, const GridSpec& spec) {
   const bool is_cubic = volume::is_cubic(spec);
-  const glm::dvec3 scale = is_cubic ? glm::dvec3(spec.voxel_size.x) : spec.voxel_size;
+  const glm::dvec3 scale = voxel_sides(spec);
   put_text(out, is_cubic ? "UniformScaleTranslateMap" : "ScaleTranslateMap");
   put(out, volume::first_center(spec));
   put(out, scale);

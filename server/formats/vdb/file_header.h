@@ -10,7 +10,7 @@
 //             1 / (2 scale)
 //   text      u32 length, characters
 //
-// Index (i, j, k) is the centre of cell (i, j, k) of the grid. The format is that of OpenVDB 10:
+// The format is that of OpenVDB 10:
 // https://github.com/AcademySoftwareFoundation/openvdb (io/Archive.cc, math/Maps.h).
 #pragma once
 

@@ -1,4 +1,4 @@
-// The values of a grid of a VDB file, which voxels of a Grid have.
+// The values of a grid of a VDB or NanoVDB file, which voxels of a Grid have.
 #pragma once
 
 #include <array>

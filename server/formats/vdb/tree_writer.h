@@ -12,35 +12,21 @@
 //     1  minus the background
 //     3  background where the selection mask is set, elsewhere minus the background
 //
-// A mask has a bit for each entry as u64 words. A brick, or a lower node, that is full of equal
-// values is an active tile. So the inside of a solid without attributes costs next to nothing.
+// A mask has a bit for each entry as u64 words. tree_nodes.h chooses the nodes.
 //
 // The format is that of OpenVDB 10, compression "zip + active values":
 // https://github.com/AcademySoftwareFoundation/openvdb (io/Compression.h, tree/*Node.h). K. Museth,
 // VDB: High-Resolution Sparse Volumes with Dynamic Topology, ACM TOG 32(3), 2013.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
-#include <limits>
-#include <vector>
-
 #include "proto/result.h"
 #include "server/formats/output_file.h"
 #include "server/formats/vdb/bytes.h"
 #include "server/formats/vdb/grid_values.h"
+#include "server/formats/vdb/tree_nodes.h"
 #include "server/formats/vdb/tree_order.h"
 
 namespace voxeld::vdb {
-
-// The active voxels of a tree.
-struct ActiveVoxels {
-  uint64_t count = 0;
-  Cell min{INT32_MAX, INT32_MAX, INT32_MAX};  // as OpenVDB writes the box of no voxels
-  Cell max{INT32_MIN, INT32_MIN, INT32_MIN};  // the last one
-
-  void add(const ActiveVoxels& voxels);
-};
 
 // Value: float, Vec3s or int32_t.
 template <typename Value>
@@ -49,30 +35,12 @@ class TreeWriter {
   // Both outlive the writer.
   TreeWriter(const TreeOrder& order, const GridValues<Value>& values);
 
-  const ActiveVoxels& active() const { return active_; }
+  const ActiveVoxels& active() const { return nodes_.active(); }
   // Errors of these: storage-full, internal.
   Status write_topology(OutputFile& file) const;
   Status write_leaves(OutputFile& file) const;
 
  private:
-  // A lower node as its upper node sees it.
-  struct Summary {
-    bool is_tile = false;
-    Value tile{};
-    bool first_inside = false, last_inside = false;
-    ActiveVoxels active;
-  };
-  struct Lower;
-  struct Upper {
-    UpperMask children, tiles, inside;
-    std::vector<Value> tile_values;  // by ascending bit
-    bool last_inside = false;        // its last cell
-  };
-
-  Lower lower_of(const LowerPlace& place) const;
-  Summary summary_of(const LowerPlace& place) const;
-  Upper upper_of(const UpperPlace& place) const;
-  std::vector<Cell> inside_roots() const;
   Bytes root_topology() const;
   Bytes upper_topology(const UpperPlace& place) const;
   Bytes lower_topology(const LowerPlace& place) const;
@@ -80,10 +48,7 @@ class TreeWriter {
   template <typename Make>
   Status append_lowers(OutputFile& file, const UpperPlace& upper, const Make& make) const;
 
-  const TreeOrder& order_;
-  const GridValues<Value>& values_;
-  std::vector<Summary> summaries_;  // of the order's lower nodes
-  ActiveVoxels active_;
+  const TreeNodes<Value> nodes_;
 };
 
 }  // namespace voxeld::vdb

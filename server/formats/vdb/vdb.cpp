@@ -1,144 +1,29 @@
-// Writes OpenVDB's .vdb, file version 224: a sparse tree for each kind of values. file_header.h and
-// tree_writer.h have the byte maps.
+// Writes OpenVDB's .vdb, file version 224: a sparse tree for each kind of values. named_grids.h
+// lists them, file_header.h and tree_writer.h have the byte maps.
 //
-//   density   float, "fog volume": 1, or the coverage; not in a band without coverage
-//   surface   float, the distance in world units (in voxels if those are no cubes, unless
-//             distance=world), negative inside; "level set" in a band or a solid if the unit is
-//             that of the world. The background is the largest distance; cells inside that have no
-//             voxel are minus that
-//   color     vec3s, "invariant": linear light
-//   alpha     float, if a voxel is not opaque
-//   normal    vec3s, "covariant normalize"
-//   material, label   int32: id, 0: none; `names` is a JSON object of names by id
-//
-// The voxels of the grid are active in each of them. A voxel inside of a solid without attributes
-// of its own has the mean colour, alpha 1, normal 0, id 0, coverage 1 and the largest distance
-// inside.
-#include <algorithm>
+//   type      float, vec3s or int32
+//   class     "fog volume", "level set" or "unknown"
+//   color     has vector type "invariant", normal "covariant normalize"
+//   material, label   have `names`, a JSON object of names by id
+#include <array>
 #include <string>
+#include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
-#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
-#include "server/formats/npy/sample_writers.h"
 #include "server/formats/output_file.h"
 #include "server/formats/vdb/file_header.h"
 #include "server/formats/vdb/grid_values.h"
+#include "server/formats/vdb/named_grids.h"
 #include "server/formats/vdb/tree_writer.h"
 #include "server/formats/volume/volume_facts.h"
 
 namespace voxeld::vdb {
 namespace {
-
-class DensityValues : public GridValues<float> {
- public:
-  explicit DensityValues(const Grid& grid) : has_coverage_(grid.channels.coverage) { inner = 1.0F; }
-  void fill(const SparseTile& tile, size_t first, std::span<float> values) const override {
-    for (size_t i = 0; i < values.size(); ++i) {
-      values[i] = has_coverage_ ? static_cast<float>(tile.coverage[first + i]) / UINT8_MAX : 1.0F;
-    }
-  }
-
- private:
-  bool has_coverage_;
-};
-
-class DistanceValues : public GridValues<float> {
- public:
-  explicit DistanceValues(const Grid& grid) : scale_(volume::stored_distance_scale(grid)) {
-    background = in_world(farthest(grid, &SparseTile::distance));
-    inner = -background;
-    is_signed = grid.meta.is_band();
-  }
-  void fill(const SparseTile& tile, size_t first, std::span<float> values) const override {
-    for (size_t i = 0; i < values.size(); ++i) {
-      values[i] = in_world(static_cast<float>(tile.distance[first + i]) / kDistanceSteps);
-    }
-  }
-
- private:
-  float in_world(float voxels) const { return static_cast<float>(voxels * scale_); }
-
-  double scale_;
-};
-
-// Whether a voxel has a colour: those inside of solids have zeros instead.
-bool has_color(const uint8_t* color) {
-  return std::any_of(color, color + 4, [](uint8_t byte) { return byte != 0; });
-}
-
-Vec3s linear_color(const uint8_t* color) {
-  return {linear_from_srgb(color[0]), linear_from_srgb(color[1]), linear_from_srgb(color[2])};
-}
-
-class ColorValues : public GridValues<Vec3s> {
- public:
-  explicit ColorValues(const Grid& grid) { inner = linear_color(mean_color(grid).data()); }
-  void fill(const SparseTile& tile, size_t first, std::span<Vec3s> values) const override {
-    for (size_t i = 0; i < values.size(); ++i) {
-      const uint8_t* const color = &tile.color[4 * (first + i)];
-      values[i] = has_color(color) ? linear_color(color) : inner;
-    }
-  }
-};
-
-class AlphaValues : public GridValues<float> {
- public:
-  AlphaValues() { inner = 1.0F; }
-  void fill(const SparseTile& tile, size_t first, std::span<float> values) const override {
-    for (size_t i = 0; i < values.size(); ++i) {
-      const uint8_t* const color = &tile.color[4 * (first + i)];
-      values[i] = has_color(color) ? static_cast<float>(color[3]) / UINT8_MAX : inner;
-    }
-  }
-};
-
-bool has_transparent(const SparseTile& tile) {
-  cancel_point();
-  for (size_t i = 0; i < tile.color.size(); i += 4) {
-    if (tile.color[i + 3] != UINT8_MAX && has_color(&tile.color[i])) return true;
-  }
-  return false;
-}
-
-class NormalValues : public GridValues<Vec3s> {
- public:
-  void fill(const SparseTile& tile, size_t first, std::span<Vec3s> values) const override {
-    for (size_t i = 0; i < values.size(); ++i) {
-      for (size_t c = 0; c < 3; ++c) {
-        values[i][c] = static_cast<float>(tile.normal[3 * (first + i) + c]) / INT8_MAX;
-      }
-    }
-  }
-};
-
-class IdValues : public GridValues<int32_t> {
- public:
-  explicit IdValues(Channel channel) : channel_(channel) {}
-  void fill(const SparseTile& tile, size_t first, std::span<int32_t> values) const override {
-    const std::vector<uint16_t>& ids = id_samples(tile, channel_);
-    for (size_t i = 0; i < values.size(); ++i) values[i] = ids[first + i];
-  }
-
- private:
-  Channel channel_;
-};
-
-std::string fill_option(const GridMeta& meta) {
-  const auto options = meta.members().find("options");
-  if (options == meta.members().end() || !options->is_object()) return "";
-  const auto fill = options->find("fill");
-  return fill != options->end() && fill->is_string() ? fill->get<std::string>() : "";
-}
-
-// Only bands and solids tell on which side a cell without a voxel is.
-bool is_level_set(const Grid& grid) {
-  const std::string fill = fill_option(grid.meta);
-  return volume::has_world_distances(grid) && (fill == "band" || fill == "solid");
-}
 
 // The names of a channel's ids as a JSON object, or empty.
 std::string names_json(const Grid& grid, Channel channel) {
@@ -161,50 +46,39 @@ constexpr std::string_view tree_type() {
   }
 }
 
+constexpr std::string_view class_text(VolumeClass of) {
+  if (of == VolumeClass::kFogVolume) return "fog volume";
+  return of == VolumeClass::kLevelSet ? "level set" : "unknown";
+}
+
 // Writes the grids of one file.
 class VdbFile {
  public:
-  VdbFile(const Grid& grid, OutputFile& file) : grid_(grid), order_(grid), file_(file) {
-    if (!grid.meta.is_band() || grid.channels.coverage) names_.emplace_back("density");
-    if (grid.channels.distance) names_.emplace_back("surface");
-    if (grid.channels.color) names_.emplace_back("color");
-    if (grid.channels.color && std::ranges::any_of(grid.tiles, has_transparent))
-      names_.emplace_back("alpha");
-    for (const auto& [channel, name] : {std::pair{Channel::kNormal, "normal"},
-                                        {Channel::kMaterial, "material"},
-                                        {Channel::kLabel, "label"}}) {
-      if (grid.channels.has(channel)) names_.emplace_back(name);
-    }
-  }
+  VdbFile(const Grid& grid, OutputFile& file)
+      : grid_(grid), order_(grid), names_(names_of_grids(grid)), file_(file) {}
 
   Status write() {
     VOXELD_TRY(file_.append(file_header(grid_, static_cast<uint32_t>(names_.size()))));
-    for (const std::string& name : names_) VOXELD_TRY(write_named(name));
+    for (const std::string& name : names_) {
+      const NamedGrid named = named_grid(grid_, name);
+      MetaMap meta = meta_of(name);
+      meta["class"] = text_meta(class_text(named.volume_class));
+      VOXELD_TRY(
+          std::visit([&](const auto& values) { return write_grid(name, *values, std::move(meta)); },
+                     named.values));
+    }
     return {};
   }
 
  private:
-  Status write_named(const std::string& name) {
-    if (name == "density") {
-      return write_grid(name, DensityValues(grid_), {{"class", text_meta("fog volume")}});
-    }
-    if (name == "surface") {
-      const char* const of = is_level_set(grid_) ? "level set" : "unknown";
-      return write_grid(name, DistanceValues(grid_), {{"class", text_meta(of)}});
-    }
-    if (name == "color") {
-      return write_grid(name, ColorValues(grid_), {{"vector_type", text_meta("invariant")}});
-    }
-    if (name == "alpha") return write_grid(name, AlphaValues(), {});
-    if (name == "normal") {
-      return write_grid(name, NormalValues(), {{"vector_type", text_meta("covariant normalize")}});
-    }
-    const Channel channel = name == "label" ? Channel::kLabel : Channel::kMaterial;
-    MetaMap meta;
-    if (const std::string names = names_json(grid_, channel); !names.empty()) {
-      meta["names"] = text_meta(names);
-    }
-    return write_grid(name, IdValues(channel), std::move(meta));
+  MetaMap meta_of(const std::string& name) const {
+    if (name == "color") return {{"vector_type", text_meta("invariant")}};
+    if (name == "normal") return {{"vector_type", text_meta("covariant normalize")}};
+    if (name != "label" && name != "material") return {};
+    const std::string names =
+        names_json(grid_, name == "label" ? Channel::kLabel : Channel::kMaterial);
+    if (names.empty()) return {};
+    return {{"names", text_meta(names)}};
   }
 
   template <typename Value>
@@ -219,7 +93,6 @@ class VdbFile {
     put(head, offsets);
     offsets[0] = static_cast<int64_t>(file_.size() + head.size());
     put(head, kCompression);
-    meta.emplace("class", text_meta("unknown"));
     meta["creator"] = text_meta("voxeld");
     meta["file_bbox_max"] = cell_meta(tree.active().max);
     meta["file_bbox_min"] = cell_meta(tree.active().min);
@@ -240,8 +113,8 @@ class VdbFile {
 
   const Grid& grid_;
   const TreeOrder order_;
+  const std::vector<std::string> names_;
   OutputFile& file_;
-  std::vector<std::string> names_;
 };
 
 }  // namespace
