@@ -60,6 +60,8 @@ namespace voxeld {
     FileLayout::tiles(), encode_zarr, write_zarr_sequence) \
   X(kVdb, "vdb", "application/x-vdb", ".vdb", "application/zip", ".zip", \
     FileLayout::points(16), encode_vdb, write_zip_sequence) \
+  X(kNvdb, "nvdb", "application/x-nvdb", ".nvdb", "application/zip", ".zip", \
+    FileLayout::points(16), encode_nvdb, write_zip_sequence) \
   X(kBt, "bt", "application/x-octomap-bt", ".bt", "application/zip", ".zip", \
     FileLayout::points(4), encode_bt, write_zip_sequence) \
   X(kLdr, "ldr", "application/x-ldraw", ".ldr", "application/zip", ".zip", \

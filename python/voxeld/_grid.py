@@ -27,12 +27,13 @@ GRID_FORMATS = {".voxg": ["native"], ".npy": ["npy"], ".npz": ["npz"], ".vox": [
                 ".glb": ["glb"], ".ply": ["ply"], ".obj": ["obj"], ".vti": ["vti"], ".nrrd": ["nrrd"], ".mha": ["mha"],
                 ".nii.gz": ["nii"], ".binvox": ["binvox"], ".csv": ["csv"], ".pcd": ["pcd"], ".qb": ["qb"],
                 ".schem": ["schem"], ".litematic": ["litematic"], ".nbt": ["nbt"], ".zarr.zip": ["zarr"],
-                ".vdb": ["vdb"], ".bt": ["bt"], ".ldr": ["ldr"], ".vtu": ["vtu"], ".inp": ["inp"], ".ktx2": ["ktx2"],
-                ".raw.zip": ["raw"], ".slices.zip": ["slices"]}
+                ".vdb": ["vdb"], ".nvdb": ["nvdb"], ".bt": ["bt"], ".ldr": ["ldr"], ".vtu": ["vtu"],
+                ".inp": ["inp"], ".ktx2": ["ktx2"], ".raw.zip": ["raw"], ".slices.zip": ["slices"]}
 SEQUENCE_FORMATS = {".voxs": ["native"], ".npy": ["npy"], ".npz": ["npz"], ".vox": ["vox"],
                     ".zarr.zip": ["zarr"],
                     ".zip": ["xyz", "glb", "ply", "obj", "vti", "nrrd", "mha", "nii", "binvox", "csv", "pcd", "qb",
-                             "schem", "litematic", "nbt", "vdb", "bt", "ldr", "vtu", "inp", "ktx2", "raw", "slices"]}
+                             "schem", "litematic", "nbt", "vdb", "nvdb", "bt", "ldr", "vtu", "inp", "ktx2", "raw",
+                             "slices"]}
 IMAGES = {".png": "png", ".gif": "gif", ".apng": "apng"}
 
 
@@ -261,7 +262,7 @@ class Grid(Voxels):
              progress: bool | ProgressCallback | None = None, **options: Unpack[OutputOptions]) -> None:
         """Writes a file whose extension chooses the format: .voxg, .npy, .npz, .vox, .xyz, .glb, .ply, .obj, .vti,
         .nrrd, .mha, .nii.gz, .binvox, .csv, .pcd, .qb, .schem, .litematic, .nbt,
-        .zarr.zip, .vdb, .bt, .ldr, .vtu, .inp, .ktx2, .raw.zip, .slices.zip, .png or .gif.
+        .zarr.zip, .vdb, .nvdb, .bt, .ldr, .vtu, .inp, .ktx2, .raw.zip, .slices.zip, .png or .gif.
 
         The server converts the grid. options: of the format, such as layout="sparse", palette=16, mesh="smooth",
         channel="color" or blocks=["concrete", "wool"]. palette=pathlib.Path("my.gpl") reads the colours of a file.

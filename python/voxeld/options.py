@@ -88,7 +88,7 @@ class PlaceOptions(SelectionOptions, total=False):
 class OutputOptions(PlaceOptions, total=False):
     """Of a file that is saved. `palette` is a count, a name, colours, or the path of a palette file."""
     format: Literal["native", "npy", "npz", "vox", "xyz", "glb", "ply", "obj", "vti", "nrrd", "mha", "nii", "binvox",
-                    "csv", "pcd", "qb", "schem", "litematic", "nbt", "zarr", "vdb", "bt",
+                    "csv", "pcd", "qb", "schem", "litematic", "nbt", "zarr", "vdb", "nvdb", "bt",
                     "ldr", "vtu", "inp", "ktx2", "raw", "slices"]
     codec: Literal["fast", "small"]
     layout: Literal["dense", "sparse", "atlas"]

@@ -107,8 +107,8 @@ Status check_channels(const ChannelSet& channels, const OutputOptions& options) 
 }
 
 bool is_written_in_pieces(Format format) {
-  constexpr std::array kInPieces = {Format::kCsv, Format::kPcd, Format::kVdb, Format::kBt,
-                                    Format::kLdr, Format::kVtu, Format::kInp};
+  constexpr std::array kInPieces = {Format::kCsv, Format::kPcd, Format::kVdb, Format::kNvdb,
+                                    Format::kBt,  Format::kLdr, Format::kVtu, Format::kInp};
   return std::ranges::count(kInPieces, format) > 0;
 }
 

@@ -46,6 +46,9 @@ Held held_by(const Grid& grid, const OutputOptions& options, const std::string& 
     case Format::kCsv:
       held.names = held.units = false;
       break;
+    case Format::kNvdb:
+      held.names = held.units = false;
+      break;
     case Format::kPcd:
       held.names = held.alpha = false;
       break;

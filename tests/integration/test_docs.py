@@ -38,7 +38,7 @@ MAGIC = {".npy": b"\x93NUMPY", ".npz": b"PK\3\4", ".zip": b"PK\3\4", ".vox": b"V
          ".voxs": b"VOXSEQ\0", ".png": b"\x89PNG\r\n\x1a\n", ".apng": b"\x89PNG\r\n\x1a\n", ".gif": b"GIF89a",
          ".glb": b"glTF", ".vti": b"<?xml", ".nrrd": b"NRRD0004", ".mha": b"ObjectType", ".gz": b"\x1f\x8b",
          ".binvox": b"#binvox 1", ".csv": b"x,y,z,px", ".pcd": b"# .PCD", ".qb": b"\1\1\0\0",
-         ".schem": b"\x1f\x8b", ".litematic": b"\x1f\x8b", ".nbt": b"\x1f\x8b", ".vdb": b" BDV",
+         ".schem": b"\x1f\x8b", ".litematic": b"\x1f\x8b", ".nbt": b"\x1f\x8b", ".vdb": b" BDV", ".nvdb": b"NanoVDB0",
          ".bt": b"# Octomap OcTree binary", ".ldr": b"0 ", ".vtu": b"<?xml", ".inp": b"*HEADING", ".ktx2": b"\xabKTX 20"}
 INPUTS = {".ply", ".obj", ".stl", ".off", ".gltf", ".md5mesh", ".md5anim"}
 TEXTS = {".xyz", ".txt", ".log", ".key"}

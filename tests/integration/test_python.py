@@ -178,8 +178,8 @@ class Grids(PythonTest):
         self.assertEqual([path.name for path in self.dir.iterdir() if path.name.startswith(".")], [])
         self.problem(voxeld.BadInput, "file",
                      ".voxg .npy .npz .vox .xyz .glb .ply .obj .vti .nrrd .mha .nii.gz .binvox .csv .pcd .qb "
-                     ".schem .litematic .nbt .zarr.zip .vdb .bt .ldr .vtu .inp .ktx2 .raw.zip .slices.zip .png", "'.stl'",
-                     of=lambda: grid.save(self.dir / "a.stl"))
+                     ".schem .litematic .nbt .zarr.zip .vdb .nvdb .bt .ldr .vtu .inp .ktx2 .raw.zip .slices.zip .png",
+                     "'.stl'", of=lambda: grid.save(self.dir / "a.stl"))
         self.problem(voxeld.BadInput, "file", "format=vox by its extension",
                      of=lambda: grid.save("a.vox", format="npy"))
         self.problem(voxeld.BadInput, "file", "No such file", of=lambda: grid.save(self.dir / "none/a.vox"))
@@ -441,7 +441,7 @@ class Animations(PythonTest):
         self.assertTrue(names and all(name.endswith(".ply") for name in names), names)
         self.problem(voxeld.BadInput, "file",
                      "format=xyz or glb or ply or obj or vti or nrrd or mha or nii or binvox or csv or pcd or qb or "
-                     "schem or litematic or nbt or vdb or bt or ldr or vtu or inp or ktx2 or raw or slices",
+                     "schem or litematic or nbt or vdb or nvdb or bt or ldr or vtu or inp or ktx2 or raw or slices",
                      of=lambda: animation.save(self.dir / "a.zip", format="npy"))
 
     def test_the_error_of_the_job_is_raised(self):

@@ -55,7 +55,7 @@ void run_formats(const Arguments& arguments) {
       "        .qb   Qubicle; likewise\n"
       "        .schem, .litematic, .nbt  blocks of Minecraft; likewise\n"
       "        .zarr.zip  Zarr store with levels of detail; of an animation with a frame axis\n"
-      "        .vdb  OpenVDB; of an animation a .zip of one file each\n"
+      "        .vdb, .nvdb  OpenVDB, NanoVDB; of an animation a .zip of one file each\n"
       "        .bt, .ldr  OctoMap, LDraw bricks; likewise\n"
       "        .vtu, .inp  a hexahedron for each voxel, for VTK, Abaqus and CalculiX; likewise\n"
       "        .ktx2, .raw.zip, .slices.zip  3D texture, bare array, images of slices; likewise\n"

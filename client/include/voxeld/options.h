@@ -89,12 +89,12 @@ constexpr std::string_view name_of(RootMotion value) {
   return kNames[static_cast<std::size_t>(value)];
 }
 enum class Format { kNative, kNpy, kNpz, kVox, kXyz, kGlb, kPly, kObj, kVti, kNrrd, kMha, kNii,
-    kBinvox, kCsv, kPcd, kQb, kSchem, kLitematic, kNbt, kZarr, kVdb, kBt, kLdr, kVtu, kInp, kKtx2,
-    kRaw, kSlices };
+    kBinvox, kCsv, kPcd, kQb, kSchem, kLitematic, kNbt, kZarr, kVdb, kNvdb, kBt, kLdr, kVtu, kInp,
+    kKtx2, kRaw, kSlices };
 constexpr std::string_view name_of(Format value) {
   constexpr std::string_view kNames[] = {"native", "npy", "npz", "vox", "xyz", "glb", "ply", "obj",
       "vti", "nrrd", "mha", "nii", "binvox", "csv", "pcd", "qb", "schem", "litematic", "nbt",
-      "zarr", "vdb", "bt", "ldr", "vtu", "inp", "ktx2", "raw", "slices"};
+      "zarr", "vdb", "nvdb", "bt", "ldr", "vtu", "inp", "ktx2", "raw", "slices"};
   return kNames[static_cast<std::size_t>(value)];
 }
 enum class Codec { kFast, kSmall };

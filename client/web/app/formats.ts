@@ -44,6 +44,7 @@ const groups: readonly (readonly [TextKey, ...string[]])[] = [
   [
     "groupVolumes",
     "vdb OpenVDB",
+    "nvdb NanoVDB",
     "vti VTK image",
     "nrrd NRRD",
     "mha MetaImage",

@@ -12,6 +12,9 @@ constexpr std::array<uint8_t, 10> kGzipHead = {0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 
 constexpr std::array<uint8_t, 2> kZlibHead = {0x78, 0x01};
 constexpr uint32_t kAdlerOfNothing = 1;
 
+constexpr size_t kStoredHeadBytes = 5;
+constexpr size_t kStoredBytesMax = UINT16_MAX;  // of a stored block (RFC 1951, 3.2.4)
+
 std::array<uint8_t, 4> big_endian(uint32_t value) {
   return {static_cast<uint8_t>(value >> 24), static_cast<uint8_t>(value >> 16),
           static_cast<uint8_t>(value >> 8), static_cast<uint8_t>(value)};
@@ -40,6 +43,30 @@ DeflateStream::DeflateStream(OutputFile& file, Frame frame)
 
 Status DeflateStream::begin() {
   return frame_ == Frame::kGzip ? file_.append(kGzipHead) : file_.append(kZlibHead);
+}
+
+Status DeflateStream::begin_without(size_t first_bytes) {
+  VOXELD_TRY(begin());
+  first_at_ = file_.size();
+  const size_t blocks = (first_bytes + kStoredBytesMax - 1) / kStoredBytesMax;
+  return file_.extend(blocks * kStoredHeadBytes + first_bytes);
+}
+
+Status DeflateStream::finish(std::span<const uint8_t> first) {
+  uint64_t at = first_at_;
+  for (size_t begin = 0; begin < first.size(); begin += kStoredBytesMax) {
+    const auto part = first.subspan(begin, std::min(kStoredBytesMax, first.size() - begin));
+    const auto bytes = static_cast<uint16_t>(part.size());
+    const auto low = static_cast<uint8_t>(bytes), high = static_cast<uint8_t>(bytes >> 8);
+    const std::array<uint8_t, kStoredHeadBytes> head = {0, low, high, static_cast<uint8_t>(~low),
+                                                        static_cast<uint8_t>(~high)};
+    VOXELD_TRY(file_.replace(at, head));
+    VOXELD_TRY(file_.replace(at + head.size(), part));
+    at += head.size() + part.size();
+  }
+  const auto sum = adler32_z(kAdlerOfNothing, first.data(), first.size());
+  sum_ = static_cast<uint32_t>(adler32_combine(sum, sum_, static_cast<z_off_t>(raw_bytes_)));
+  return finish();
 }
 
 Status DeflateStream::append(const DeflatedPiece& piece) {

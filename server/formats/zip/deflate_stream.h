@@ -27,6 +27,9 @@ class DeflateStream {
   DeflateStream(OutputFile& file, Frame frame);
   // Begins the stream; the first call.
   Status begin();
+  // Begins a stream of zlib whose first bytes, this many, are those of finish(first). They are
+  // stored, so that their place in the file is known.
+  Status begin_without(size_t first_bytes);
   Status add(std::span<const uint8_t> bytes);
   // Adds `count` pieces as ZipWriter::add_pieces() does.
   Status add_pieces(size_t count, const std::function<size_t(size_t)>& bytes_of,
@@ -38,8 +41,11 @@ class DeflateStream {
                     const Repeats& repeats);
   // Ends the stream; the last call.
   Status finish();
+  // The same after begin_without().
+  Status finish(std::span<const uint8_t> first);
 
-  uint64_t raw_bytes() const { return raw_bytes_; }  // added so far
+  // Added so far, without those of begin_without().
+  uint64_t raw_bytes() const { return raw_bytes_; }
 
  private:
   Checksum checksum() const {
@@ -51,6 +57,7 @@ class DeflateStream {
   Frame frame_;
   uint32_t sum_;
   uint64_t raw_bytes_ = 0;
+  uint64_t first_at_ = 0;  // of the stored blocks of begin_without(), in the file
 };
 
 // A zlib stream of one block, for formats whose blocks are streams of their own.

@@ -33,6 +33,7 @@ GridCost encode_cost(const OutputOptions& output) {
     case Format::kLdr:
       return {1500, 0};
     case Format::kVdb:
+    case Format::kNvdb:
     case Format::kBt:
       return {600, 0};
     default:

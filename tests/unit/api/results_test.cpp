@@ -98,7 +98,7 @@ TEST_F(ResultsTest, a_type_that_no_format_has_is_not_acceptable) {
             "application/x-vti, application/x-nrrd, application/x-metaimage, "
             "application/x-nifti, application/x-binvox, text/csv, application/x-pcd, "
             "model/x-qubicle-qb, application/x-schem, application/x-litematic, "
-            "application/x-nbt, application/x-zarr+zip, application/x-vdb, "
+            "application/x-nbt, application/x-zarr+zip, application/x-vdb, application/x-nvdb, "
             "application/x-octomap-bt, application/x-ldraw, application/x-vtu, "
             "application/x-abaqus-inp, image/ktx2, application/x-raw+zip, "
             "application/x-png-slices+zip");

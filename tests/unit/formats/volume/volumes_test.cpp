@@ -455,6 +455,7 @@ TEST(LostData, each_format_warns_of_what_it_does_not_hold) {
   EXPECT_EQ(warned(grid, to(Format::kNii)), "lost-channels");
   EXPECT_EQ(warned(grid, to(Format::kBinvox)), "lost-channels lost-units");
   EXPECT_EQ(warned(grid, to(Format::kCsv)), "lost-names lost-units");
+  EXPECT_EQ(warned(grid, to(Format::kNvdb)), "lost-names lost-units");
   EXPECT_EQ(warned(grid, to(Format::kPcd)), "lost-alpha lost-names");
   EXPECT_EQ(warned(grid, to(Format::kVox)), "lost-channels lost-alpha");
   EXPECT_EQ(warned(grid, to(Format::kQb)), "lost-channels lost-alpha lost-units lost-placement");

@@ -11,7 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "server/formats/output_file.h"
 #include "server/formats/zip/deflate.h"
+#include "server/formats/zip/deflate_stream.h"
 #include "server/formats/zip/huffman.h"
 
 namespace voxeld {
@@ -173,6 +175,25 @@ uint32_t kraft(const Bytes& lengths) {
   uint32_t sum = 0;
   for (const uint8_t length : lengths) sum += length == 0 ? 0 : 1u << (15 - length);
   return sum;
+}
+
+TEST(DeflateStream, first_bytes_may_be_known_last) {
+  std::mt19937 random(5);
+  Bytes all(200'000);
+  for (uint8_t& byte : all) byte = static_cast<uint8_t>(random() % 7);
+  for (const size_t first : {0, 1, 1000, 65535, 65536, 150'000, 200'000}) {
+    OutputFile file = OutputFile::in_memory();
+    DeflateStream stream(file, DeflateStream::Frame::kZlib);
+    ASSERT_TRUE(stream.begin_without(first));
+    ASSERT_TRUE(stream.add(std::span(all).subspan(first)));
+    ASSERT_TRUE(stream.finish(std::span(all).first(first)));
+    const Bytes bytes = file.take_bytes();
+    Bytes back(all.size());
+    uLongf length = back.size();
+    ASSERT_EQ(uncompress(back.data(), &length, bytes.data(), bytes.size()), Z_OK) << first;
+    EXPECT_EQ(length, all.size());
+    EXPECT_EQ(back, all);
+  }
 }
 
 TEST(Huffman, codes_are_complete_and_no_longer_than_allowed) {

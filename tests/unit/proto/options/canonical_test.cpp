@@ -249,6 +249,7 @@ TEST(CanonicalOptions, two_requests_that_differ_give_other_bytes) {
       {{"format", "litematic"}},
       {{"format", "nbt"}},
       {{"format", "vdb"}},
+      {{"format", "nvdb"}},
       {{"format", "slices"}},
       {{"format", "slices"}, {"layout", "atlas"}},
       {{"format", "raw"}, {"channel", "color"}},
