@@ -1,9 +1,17 @@
 """Dry runs predict about the time that jobs take on this machine."""
+import statistics
+import sys
 import unittest
 
-from harness import DaemonTest
+from harness import ROOT, DaemonTest
+
+sys.path.insert(0, str(ROOT / "tests/bench"))
+from long_jobs import Cases, end_of  # noqa: E402  (needs the path above)
 
 FACTOR_MAX = 4  # machines are shared
+SECONDS_MIN = 0.1  # below, a job's start is most of its time
+# Hostile jobs of the bench that nothing in their request tells of, and those that take minutes.
+UNTOLD = ("glTF nodes", "winding 28", "winding 64", "image", "turntable", "solid", "obj")
 
 
 class EstimateTimes(DaemonTest):
@@ -28,6 +36,31 @@ class EstimateTimes(DaemonTest):
         measured = sum(ms for stage, ms in job["timings"].items() if stage != "queue") / 1000
         self.assertLess(measured / FACTOR_MAX, learned["seconds"])
         self.assertGreater(measured * FACTOR_MAX, learned["seconds"])
+
+
+class FreshDaemon(DaemonTest):
+    device = "cpu"
+
+    def test_a_daemon_that_has_run_nothing_expects_hostile_and_real_jobs_as_they_are(self):
+        cases = Cases(self.fixtures)
+        assets, expected = {}, {}
+        jobs = [job for job in cases.jobs if job[0] not in UNTOLD]
+        self.assertGreaterEqual(len(jobs), 25)
+        for name, file, kind, options in jobs:
+            if file not in assets:
+                assets[file] = self.daemon.post(f"/v1/assets?filename={file}", cases.files[file]()).json()["id"]
+            body = {"kind": kind, "asset": assets[file], "options": {**options, "cache": "no"} if options else {}}
+            expected[name] = body, self.daemon.post("/v1/jobs?dry_run=1", body).json()["estimate"]["seconds"]
+        ratios = {}
+        for name, (body, seconds) in expected.items():
+            status = end_of(self.daemon, self.daemon.submit(**body), 60)
+            self.assertEqual(status["state"], "done", (name, status))
+            took = (status["ended_ms"] - status["started_ms"]) / 1e3
+            ratios[name] = max(took, SECONDS_MIN) / max(seconds, SECONDS_MIN)
+        usual = statistics.median(ratios.values())  # how fast the machine is
+        wrong = {name: ratio / usual for name, ratio in ratios.items()
+                 if not 1 / FACTOR_MAX < ratio / usual < FACTOR_MAX}
+        self.assertEqual(wrong, {}, usual)
 
 
 if __name__ == "__main__":
