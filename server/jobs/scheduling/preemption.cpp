@@ -85,7 +85,9 @@ std::optional<size_t> own_victim(const PreemptionView& view, const QueueHead& he
 }  // namespace
 
 bool is_left_out(const PreemptionView& view) {
-  const auto stopping = std::ranges::count_if(view.started, &StartedJob::is_preemptible);
+  const auto stopping = std::ranges::count_if(view.started, [](const StartedJob& job) {
+    return job.is_preemptible || job.slot_seconds < kSoonSeconds;
+  });
   return without_worker(view).size() > static_cast<size_t>(stopping);
 }
 

@@ -53,7 +53,10 @@ bool may_be_preempted(const StartedJob& job);
 // the queued one is in danger.
 std::vector<size_t> jobs_to_preempt(const PreemptionView& view);
 
-// Whether a tenant waits without a worker, and too few started jobs will ever give one up.
+// A job that cannot be preempted is expected to end soon until it has had its worker for so long.
+inline constexpr double kSoonSeconds = 5;
+
+// Whether a tenant waits without a worker, and too few started jobs will give one up soon.
 bool is_left_out(const PreemptionView& view);
 
 }  // namespace voxeld

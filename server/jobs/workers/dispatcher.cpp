@@ -22,7 +22,7 @@ constexpr std::chrono::seconds kReplacePeriod{5};
 constexpr std::chrono::milliseconds kLookPeriod{100};
 // A worker is added where a tenant was left out for so long, and goes when nobody has needed it for
 // so long.
-constexpr std::chrono::seconds kExtraAfter{3}, kExtraKept{10};
+constexpr std::chrono::seconds kExtraAfter{1}, kExtraKept{10};
 
 const std::string& input_of(const JobStatus& status) {
   if (!status.grid.empty()) return status.grid;

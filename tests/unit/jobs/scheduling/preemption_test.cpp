@@ -111,6 +111,8 @@ TEST_F(Preemption, a_tenant_is_left_out_where_no_job_will_ever_stop) {
   EXPECT_TRUE(is_left_out(view(one, fills)));
   EXPECT_FALSE(is_left_out(view({}, fills)));
   EXPECT_FALSE(is_left_out(view({head("a", 9)}, fills))) << "it has a worker";
+  fills[1].slot_seconds = 1;
+  EXPECT_FALSE(is_left_out(view(one, fills))) << "it may end soon";
   fills[1].is_preemptible = true;
   EXPECT_FALSE(is_left_out(view(one, fills)));
   EXPECT_TRUE(is_left_out(view(two, fills)));
