@@ -65,8 +65,8 @@ using Dict = std::map<std::string, std::string>;
 struct Voxel {
   uint8_t x, y, z, color;
 };
-// Cells that are one model: of one label, 0 if the grid has none, at a place among the models of the
-// scene, z up.
+// Cells that are one model: of one label, 0 if the grid has none, at a place among the models of
+// the scene, z up.
 struct Part {
   uint16_t label = 0;
   std::array<int, 3> place{};
@@ -108,8 +108,8 @@ void add_file_header(Bytes& out, uint32_t version, uint32_t children_bytes);
 void add_model(Bytes& out, const Part& part, const std::vector<Voxel>& voxels,
                const std::array<int, 3>& scene);
 // Writes the scene graph: node 0 with the grid's placement in its attributes, node 1 the group of
-// all, for each label a group with its name, and for each part its transform and its shape, of which
-// `add_shape` writes what follows the node's id. Nodes are numbered in the order of the file.
+// all, for each label a group with its name, and for each part its transform and its shape, of
+// which `add_shape` writes what follows the node's id. Nodes are numbered in the order of the file.
 // `grid`: with channels, names and placement, its tiles do not matter. `parts` ascend.
 void add_scene(Bytes& out, const Grid& grid, std::span<const Part> parts,
                const std::function<void(Bytes& shape, size_t part)>& add_shape);

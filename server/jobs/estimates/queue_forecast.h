@@ -32,8 +32,7 @@ class QueueForecast {
 
   // A job was queued, claimed, put back or ended. `input` counts when it is new.
   void changed(const JobRecord& record, const JobInput& input) EXCLUDES(mutex_);
-  // Adds estimate and expected times to the status of a job that has not ended, whose device time it
-  // has.
+  // Adds estimate and expected times to the status, with device time, of a job that has not ended.
   void fill(JobStatus& status) EXCLUDES(mutex_);
   // That a job is expected to take from now on; 0 of one that is not known.
   double expected_seconds(std::string_view id) EXCLUDES(mutex_);
