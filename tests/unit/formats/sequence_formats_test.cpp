@@ -49,7 +49,7 @@ class SequenceFormats : public testing::Test {
 };
 
 // Stops at a frame, as the source of a cancelled task does.
-class Cancelled : public test::FramesInMemory {
+class CancelledFrames : public test::FramesInMemory {
  public:
   using FramesInMemory::FramesInMemory;
   Result<Grid> frame(size_t index) const override {
@@ -211,7 +211,7 @@ TEST_F(SequenceFormats, more_frames_than_the_editor_plays_are_written_with_a_war
 TEST_F(SequenceFormats, errors_of_the_source_and_of_the_file_are_returned) {
   const auto grids = test::mostly_static(3, {40, 30, 20}, 300, 4, kColorChannels);
   for (const Format format : all_formats()) {
-    EXPECT_EQ(refused(Cancelled(grids), format).code, ErrorCode::kCancelled);
+    EXPECT_EQ(refused(CancelledFrames(grids), format).code, ErrorCode::kCancelled);
     const Status status = write_sequence(test::FramesInMemory(grids), to(format), path_ / "no");
     ASSERT_FALSE(status.ok());
     EXPECT_EQ(status.error().code, ErrorCode::kInternal);
