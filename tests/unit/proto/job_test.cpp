@@ -22,9 +22,9 @@ inline auto tied(const JobResult& r) {
   const auto& [a, b, c, d, e, f, g, h] = r;
   return std::tie(a, b, c, d, e, f, g, h);
 }
-inline auto tied(const JobEstimate& e) {
-  const auto& [a, b, c, d, f, g, h] = e;
-  return std::tie(a, b, c, d, f, g, h);
+inline auto tied(const JobEstimate& estimate) {
+  const auto& [a, b, c, d, e, f, g, h] = estimate;
+  return std::tie(a, b, c, d, e, f, g, h);
 }
 inline auto tied(const JobStatus& s) {
   const auto& [a1, a2, a3, a4, a5, a6, a7, a8, b1, b2, b3, b4, b5, b6, b7, b8, c1, c2, c3, c4, c5,
@@ -229,7 +229,7 @@ void expect_no_defaults(const Struct& full) {
 TEST(JobStatus, every_member_comes_back) {
   JobStatus status = finished();
   status.error = Error{ErrorCode::kMalformedMesh, "a.obj line 3: index", "1 to 8", "9"};
-  status.estimate = JobEstimate{1.5, 1, 2.5, 0.5, 1000, 1 << 30, 17};
+  status.estimate = JobEstimate{1.5, 1, 2.5, 0.5, 1000, 1 << 30, 17, 5.5};
   status.expected_start_ms = 1'700'000'000'003;
   status.expected_end_ms = 1'700'000'000'004;
   expect_no_defaults(status);
