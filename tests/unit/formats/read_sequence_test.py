@@ -122,8 +122,13 @@ class ReadSequence(SameRows, unittest.TestCase):
 
     def test_animated_vox_shares_one_palette_and_equal_models(self):
         vox = Vox((self.path / "small.vox").read_bytes())
-        self.assertEqual(len(vox.models), 5)  # the last frame was there before
-        self.assertEqual(vox.shapes[3], [(0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 1)])
+        labels = {label for index in range(6) for label in self.expected("small", index)[:, 11]}
+        self.assertEqual(len(vox.models), 5 * len(labels))  # the last frame was there before
+        self.assertEqual(len(vox.shapes), len(labels))
+        for shape in vox.shapes.values():
+            self.assertEqual([frame for frame, _ in shape], list(range(6)))
+            self.assertEqual(shape[5][1], shape[1][1])
+            self.assertEqual(len({model for _, model in shape}), 5)
         for index in range(6):
             rows = vox.frame(index)
             self.assert_same_rows(rows[:, :3], self.vox_rows("small", index, (70, 40, 50))[:, :3])

@@ -70,8 +70,7 @@ class Vox:
     def frame(self, index):
         """Rows x y z r g b, in the scene."""
         rows = [np.zeros((0, 6), int)]
-        for child in self.children:
-            shape = child + 1
+        for shape in self.shapes:
             model = [model for frame, model in self.shapes[shape] if frame <= index][-1]
             size, voxels = self.models[model]
             place = np.array([int(n) for n in self.transforms[shape]["_t"].split()]) - size // 2
