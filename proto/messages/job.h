@@ -80,8 +80,8 @@ struct JobEstimate {
   double device_seconds = 0;                              // the part of `seconds` on the device
   int64_t result_bytes = 0, host_bytes = 0;               // host: the worker's peak
   int64_t learned_from = 0;                               // number of jobs; 0: a guess
-  // Of a running job: its device time so far over the expected one, once that is more than four of
-  // five jobs need; 0 until then.
+  // A running job's device time so far over the expected one, once that is more than four of five
+  // jobs need; 0 until then.
   double overrun = 0;
 };
 

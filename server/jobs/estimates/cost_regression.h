@@ -17,7 +17,7 @@ struct CostFeatures {
   double input_bytes = 1;  // of the asset or grid
 };
 
-// Of a factor, or of a cost.
+// A range of a factor, or of a cost.
 struct CostRange {
   double expected = 1;
   double low = 1, high = 1;  // four of five jobs are expected between them

@@ -15,56 +15,39 @@ struct GridCost {
   double area = 0, volume = 0;
 };
 
-// Nanoseconds of writing a format.
-GridCost encode_cost(const OutputOptions& output) {
+// Nanoseconds of writing a format, and bytes of its file before the attributes of the voxels.
+struct FormatCost {
+  GridCost time, bytes;
+};
+
+FormatCost format_cost(const OutputOptions& output) {
   const bool is_smooth = output.mesh == MeshSurface::kSmooth;
+  const bool is_sparse = output.layout == ArrayLayout::kSparse;
+  const GridCost array_time = is_sparse ? GridCost{200, 0} : GridCost{100, 1};
   switch (output.format) {
     case Format::kNative:
-      return {20, 0};
+      return {{20, 0}, {0.7, 0}};
     case Format::kGlb:
     case Format::kPly:
     case Format::kObj:
-      return {is_smooth ? 8000.0 : 2000.0, 0};
+      return {{is_smooth ? 8000.0 : 2000.0, 0}, {60, 0}};
     case Format::kXyz:
     case Format::kCsv:
     case Format::kPcd:
     case Format::kVtu:
     case Format::kInp:
     case Format::kLdr:
-      return {1500, 0};
+      return {{1500, 0}, {30, 0}};
     case Format::kVdb:
     case Format::kNvdb:
     case Format::kBt:
-      return {600, 0};
-    default:
-      break;
-  }
-  if (output.layout == ArrayLayout::kSparse) return {200, 0};
-  return {100, 1};
-}
-
-// Bytes of a file in a format, before the attributes of its voxels.
-GridCost encode_bytes(const OutputOptions& output) {
-  switch (output.format) {
-    case Format::kNative:
-      return {0.7, 0};
-    case Format::kGlb:
-    case Format::kPly:
-    case Format::kObj:
-      return {60, 0};
-    case Format::kXyz:
-    case Format::kCsv:
-    case Format::kPcd:
-    case Format::kVtu:
-    case Format::kInp:
-    case Format::kLdr:
-      return {30, 0};
+      return {{600, 0}, {4, 0}};
     case Format::kNpy:
     case Format::kNrrd:
     case Format::kMha:
-      return {0, 1};
+      return {array_time, {0, 1}};
     default:
-      return {4, 0};
+      return {array_time, {4, 0}};
   }
 }
 
@@ -147,9 +130,10 @@ JobGuess guess_costs(JobKind kind, const RequestOptions& options, const JobInput
   }
   guess.device_seconds += kDeviceSeconds;
   if (kind == JobKind::kVoxelize || kind == JobKind::kExport) {
+    const FormatCost format = format_cost(options.output);
     guess.work_seconds +=
-        (total(encode_cost(options.output), side) + total(change_cost(options.output), side)) * kNs;
-    guess.result_bytes += total(encode_bytes(options.output), side);
+        (total(format.time, side) + total(change_cost(options.output), side)) * kNs;
+    guess.result_bytes += total(format.bytes, side);
   } else if (kind == JobKind::kRender) {
     constexpr double kRayNs = 300, kBytesPerRay = 0.3;
     const double rays = ray_side(options.render) * ray_side(options.render);

@@ -10,7 +10,7 @@ namespace voxeld {
 
 struct JobGuess {
   double read_seconds = 0;
-  // Of one frame.
+  // For one frame.
   double work_seconds = 0, device_seconds = 0;
   double result_bytes = 0, host_bytes = 0;
 };

@@ -40,7 +40,7 @@ struct VoxScene {
     EXPECT_EQ(used.size(), models.size()) << "every model is placed";
     return all;
   }
-  // Those below one node; `used` gets their models.
+  // The same for the voxels below one node; `used` gets their models.
   std::map<std::array<int, 3>, std::array<uint8_t, 3>> cells_below(int node,
                                                                    std::set<int>& used) const {
     std::map<std::array<int, 3>, std::array<uint8_t, 3>> all;
