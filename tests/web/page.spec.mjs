@@ -185,6 +185,11 @@ test("a dropped mesh is described, shown, and saved with the bytes of the CLI", 
   expect(taken.bytes.equals(readFileSync(own))).toBe(true);
 });
 
+/** The numbers of the cell that a text tells. */
+function cellOf(text) {
+  return text.match(/-?\d+/g).slice(0, 3).map(Number);
+}
+
 test("a double click marks a voxel, and others tell how far they are from it", async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
@@ -197,7 +202,6 @@ test("a double click marks a voxel, and others tell how far they are from it", a
   await expect(page.locator("#pick")).not.toContainText("from the mark");
   await canvas.dblclick({ position: middle });
   await expect(page.locator("#pick")).toContainText("0, 0, 0 cells from the mark: 0");
-  const cellOf = text => text.match(/-?\d+/g).slice(0, 3).map(Number);
   const from = cellOf(await page.locator("#pick").textContent());
   await canvas.hover({ position: { x: middle.x + box.height / 20, y: middle.y + box.height / 20 } });
   await expect(page.locator("#pick")).not.toContainText("0, 0, 0 cells from the mark");
@@ -207,6 +211,35 @@ test("a double click marks a voxel, and others tell how far they are from it", a
   await canvas.dblclick({ position: { x: 3, y: 3 } });
   await canvas.hover({ position: middle });
   await expect(page.locator("#pick")).not.toContainText("from the mark");
+});
+
+test("a close camera sees the voxels of a large grid", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 2048);
+  await page.click("#run");
+  await shown(page, 2048);
+  await expect(page.locator("#facts")).toContainText("shown at 1:2");
+  const regions = [];
+  page.on("request", request => regions.push(new URL(request.url()).searchParams.get("region")));
+  const canvas = page.locator("#canvas");
+  const box = await canvas.boundingBox();
+  // Cells under a row of points.
+  const oddCells = async () => {
+    let odd = 0;
+    for (let i = -3; i <= 3; ++i) {
+      await canvas.hover({ position: { x: box.width / 2 + 9 * i, y: box.height / 2 + i } });
+      const text = page.locator("#pick:not([hidden])");
+      odd += cellOf(await text.textContent()).some(cell => cell % 2 !== 0) ? 1 : 0;
+    }
+    return odd;
+  };
+  expect(await oddCells()).toBe(0);
+  for (let i = 0; i < 4; ++i) await page.mouse.wheel(0, -300);
+  await expect.poll(oddCells).toBeGreaterThan(2);
+  expect(regions.filter(region => region !== null).length).toBeGreaterThan(0);
+  await page.click("#reset");
+  await expect.poll(oddCells).toBe(0);
 });
 
 /** The files of a sample, written to a folder of their own. */

@@ -77,7 +77,7 @@ export class Look {
     canvas.addEventListener("click", event => this.#pick(event)); // a finger does not move there
     canvas.addEventListener("dblclick", event => {
       const hit = this.#hit(event);
-      this.#from = hit ? this.#cellOf(hit) : null;
+      this.#from = hit && this.stage.cellOf(hit);
       this.#pick(event);
     });
     canvas.addEventListener("pointerleave", () => {
@@ -101,11 +101,6 @@ export class Look {
     if (kept !== (old ?? "")) this.stage.channel = null;
     this.#channelField.hidden = known.length === 0;
     if (this.#axis) this.#choose(this.#axis, true);
-  }
-
-  // The grid's cells on a side of a cell that is shown.
-  get #scale(): number {
-    return 2 ** this.stage.level;
   }
 
   // Distances are in voxels, or in shortest edges of a voxel if they are meant in world units.
@@ -141,8 +136,9 @@ export class Look {
     const cut = Number(this.#cut.value);
     const place = (grid.origin[k] as number) + cut * (grid.voxelSize[k] as number);
     // A coarser level's cells are several of the grid's on a side, the last ones fewer.
-    const total = this.#meta.dims?.[k] ?? (grid.dims[k] as number) * this.#scale;
-    const cells = Math.min(total, cut * this.#scale);
+    const scale = 2 ** this.stage.level;
+    const total = this.#meta.dims?.[k] ?? (grid.dims[k] as number) * scale;
+    const cells = Math.min(total, cut * scale);
     this.#cutText.textContent = `${cells} / ${total}`;
     this.#cut.setAttribute("aria-valuetext", t("sectionAt", { n: cells, total }));
     const sign = this.#isFlipped ? -1 : 1;
@@ -153,10 +149,6 @@ export class Look {
 
   #hit(event: MouseEvent): Hit | null {
     return this.stage.isLive ? (this.stage.viewer?.pick(event.offsetX, event.offsetY) ?? null) : null;
-  }
-
-  #cellOf(hit: Hit): Hit["cell"] {
-    return hit.cell.map(c => c * this.#scale) as unknown as Hit["cell"];
   }
 
   #pick(event: MouseEvent): void {
@@ -171,7 +163,7 @@ export class Look {
   #describe(hit: Hit): string {
     const named = (list: readonly NamedId[] | undefined, id: number) =>
       list?.find(one => one.id === id)?.name || `#${id}`;
-    const cell = this.#cellOf(hit);
+    const cell = this.stage.cellOf(hit);
     const [x, y, z] = cell;
     const parts = [t("cell", { x, y, z })];
     if (hit.color)
@@ -186,7 +178,7 @@ export class Look {
       parts.push(`${t("channel_material")}: ${named(this.#meta.materials, hit.material)}`);
     if (hit.label) parts.push(`${t("channel_label")}: ${named(this.#meta.labels, hit.label)}`);
     if (hit.distance !== undefined)
-      parts.push(t("distanceIs", { n: this.#distanceText(hit.distance * this.#scale) }));
+      parts.push(t("distanceIs", { n: this.#distanceText(hit.distance * this.stage.scale) }));
     if (hit.coverage !== undefined)
       parts.push(t("coverageIs", { n: Math.round(100 * hit.coverage) }));
     if (this.#from) parts.push(this.#measure(this.#from, cell));

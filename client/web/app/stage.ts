@@ -1,12 +1,12 @@
 // The view of the current grid: the WebGL viewer, or pictures of the daemon where there is none.
-import type { Api } from "./api";
+import { isAbort, type Api } from "./api";
 import { createViewer } from "../view/create_viewer";
+import { levelFor, partFor, type Part } from "./detail";
 import { Picture, START } from "./picture";
 import type { GridMeta } from "./model";
-import type { Camera, Channel, GridInfo, Section, Style, Viewer } from "../view/viewer";
+import type { Camera, Channel, GridInfo, Hit, Section, Style, Vec3, Viewer } from "../view/viewer";
 
-/** Cells on a side that are shown at most: coarser levels stand for larger grids. */
-export const SHOWN_SIDE_MAX = 1024;
+const REST_MS = 250; // without a move, before a part is drawn finer
 const COARSER_LEVELS = 2; // tried where a grid has too many bricks
 const CACHED_BYTES_MAX = 64 << 20; // of containers; the oldest go first
 
@@ -16,15 +16,10 @@ export interface Shown {
   readonly meta: GridMeta;
 }
 
-/** The level at which a grid of these dims has at most SHOWN_SIDE_MAX cells on a side. */
-export function levelFor(dims: readonly number[] | undefined): number {
-  return Math.max(0, Math.ceil(Math.log2(Math.max(1, ...(dims ?? [1])) / SHOWN_SIDE_MAX)));
-}
-
 export class Stage {
   readonly viewer: Viewer | null;
   readonly picture: Picture;
-  level = 0; // of what is shown
+  level = 0; // of the grid that is shown
   onCamera: ((camera: Camera) => void) | null = null;
   onLost: () => void = () => undefined;
   onProblem: (error: unknown) => void = () => undefined;
@@ -34,7 +29,11 @@ export class Stage {
   #info: GridInfo | null = null;
   readonly #fetching = new Map<string, Promise<ArrayBuffer>>();
   readonly #cache = new Map<string, ArrayBuffer>();
-  #showing = 0;
+  #showing = 0; // turns of exchanges
+  #settled = 0; // the last one that is not under way any more
+  #part: Part | null = null; // drawn in the grid's place
+  #drawnLevel = 0; // of the part, or of the grid
+  #rest = 0;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -48,7 +47,10 @@ export class Stage {
     this.picture.onCamera = camera => this.onCamera?.(camera);
     this.picture.onProblem = error => this.onProblem(error);
     if (this.viewer) {
-      this.viewer.onCamera = camera => this.onCamera?.(camera);
+      this.viewer.onCamera = camera => {
+        this.onCamera?.(camera);
+        this.#refineSoon();
+      };
       this.viewer.onLost = () => this.#lose();
     }
     canvas.hidden = !this.viewer;
@@ -71,6 +73,7 @@ export class Stage {
   }
   set camera(camera: Camera) {
     if (this.isLive) (this.viewer as Viewer).camera = camera;
+    if (this.isLive) this.#refineSoon();
     else this.picture.camera = camera;
   }
   get style(): Style {
@@ -93,33 +96,55 @@ export class Stage {
   set section(section: Section) {
     if (this.viewer) this.viewer.section = section;
     this.picture.section = section;
-    if (!this.isLive) this.picture.redraw();
+    if (this.isLive) this.#refineSoon();
+    else this.picture.redraw();
   }
 
   resetView(): void {
     this.camera = { ...START };
   }
 
+  /** The cell of level 0 under a point, or the first one of its cube; and cells on a cube's side. */
+  cellOf({ cell }: Hit): Vec3 {
+    const { scale } = this;
+    return cell.map(
+      (v, c) => (v + Math.floor((this.#part?.box[0][c] ?? 0) / scale)) * scale,
+    ) as unknown as Vec3;
+  }
+  get scale(): number {
+    return 2 ** this.#drawnLevel;
+  }
+
   /** Exchanges the picture in place. Throws Problem, DecodeError, or AbortError if superseded. */
   async show(shown: Shown, keepCamera: boolean): Promise<void> {
     const turn = ++this.#showing;
-    if (this.isLive) {
-      await this.#decode(shown, turn, keepCamera);
-      this.#checkTurn(turn);
+    let level = 0;
+    try {
+      if (this.isLive) {
+        const viewer = this.viewer as Viewer,
+          show = (bytes: ArrayBuffer) => viewer.show(bytes, { keepCamera });
+        level = await this.#decode(shown, "", levelFor(shown.meta.dims), turn, show);
+        this.#checkTurn(turn);
+      }
+    } finally {
+      if (turn === this.#showing) this.#settled = turn;
     }
     // The context may have been lost meanwhile.
     if (!this.isLive) {
-      this.level = 0;
+      level = 0;
       this.picture.show(`${shown.path}/render.png`, keepCamera ? this.picture.camera : START);
     }
     this.#shown = shown;
     this.#info = infoOf(shown.meta);
+    this.#part = null;
+    this.level = this.#drawnLevel = level;
+    this.#refineSoon();
   }
 
   clear(): void {
     ++this.#showing;
-    this.#shown = this.#info = null;
-    this.level = 0;
+    this.#shown = this.#info = this.#part = null;
+    this.level = this.#drawnLevel = 0;
     this.#fetching.clear();
     this.#cache.clear();
     this.viewer?.clear();
@@ -135,21 +160,60 @@ export class Stage {
     if (turn !== this.#showing) throw new DOMException("", "AbortError");
   }
 
-  // The finest level that the viewer can draw. A container of codec small is asked for as fast.
-  async #decode(shown: Shown, turn: number, keepCamera: boolean): Promise<void> {
-    const viewer = this.viewer as Viewer,
-      first = levelFor(shown.meta.dims);
+  #refineSoon(): void {
+    window.clearTimeout(this.#rest);
+    if (!this.level) return;
+    this.#rest = window.setTimeout(() => {
+      this.#refine().catch((error: unknown) => {
+        if (!isAbort(error)) this.onProblem(error);
+      });
+    }, REST_MS);
+  }
+
+  // Draws what a close camera sees at a finer level, or all of it again.
+  async #refine(): Promise<void> {
+    const { viewer, level } = this,
+      shown = this.#shown;
+    if (!viewer || !this.isLive || !shown?.meta.dims || this.#settled !== this.#showing) return;
+    const seen = viewer.visibleCells(),
+      part = partFor(seen, level, viewer.pixelsPerCell(), shown.meta.dims, this.#part);
+    if (part === this.#part) return;
+    const turn = ++this.#showing;
+    try {
+      const show = (bytes: ArrayBuffer | null) => viewer.showPart(bytes);
+      if (!part) await show(null);
+      const drawn = part
+        ? await this.#decode(shown, part.box.join(), part.level, turn, show)
+        : level;
+      this.#checkTurn(turn);
+      this.#part = part;
+      this.#drawnLevel = drawn;
+    } finally {
+      if (turn === this.#showing) this.#settled = turn;
+    }
+    this.#refineSoon(); // the camera may have moved meanwhile
+  }
+
+  // Draws the region, or all, at the finest level from `level` on that the viewer can draw, which it
+  // returns. A container of codec small is asked for as fast.
+  async #decode(
+    { path }: Shown,
+    region: string,
+    first: number,
+    turn: number,
+    show: (bytes: ArrayBuffer) => Promise<unknown>,
+  ): Promise<number> {
     for (let level = first, codec = ""; ;) {
       const query = new URLSearchParams({
         ...(level > 0 ? { level: String(level) } : {}),
+        ...(region ? { region } : {}),
         ...(codec ? { codec } : {}),
       }).toString();
-      const bytes = await this.#fetchGrid(shown.path, query && `?${query}`);
+      const bytes = await this.#fetchGrid(path, query && `?${query}`);
       this.#checkTurn(turn);
       try {
-        await viewer.show(bytes, { keepCamera });
-        this.level = level;
-        return;
+        await show(bytes);
+        return level;
       } catch (error) {
         if ((error as Error).name !== "DecodeError") throw error;
         if (!codec && /codec/.test((error as Error).message)) codec = "fast";
@@ -190,7 +254,8 @@ export class Stage {
     if (this.#isLost) return;
     const { camera } = this;
     this.#isLost = true;
-    this.level = 0;
+    this.level = this.#drawnLevel = 0;
+    this.#part = null;
     this.canvas.hidden = true;
     this.image.hidden = false;
     this.onLost();

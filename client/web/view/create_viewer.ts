@@ -1,5 +1,7 @@
 // The viewer of viewer.ts: state, and what happens when it changes.
 import { orbited, subjectOf, type Size, type Subject } from "./camera/framing";
+import type { ImageRays } from "./camera/image_rays";
+import type { Vec4 } from "./camera/matrix";
 import { visibleCells } from "./camera/visible_cells";
 import { Controls, START, ZOOM_MAX, ZOOM_MIN } from "./controls";
 import { ownChannel } from "./decode/channels";
@@ -13,11 +15,13 @@ import { drawStrips } from "./draw/strips";
 import { STYLES } from "./draw/styles";
 import { TABLE_COLUMNS, type PackedGrid, type Paint } from "./pack/packed_grid";
 import { pickVoxel } from "./pick";
-import type { Camera, Channel, GridInfo, Hit, Section, Style, Vec3, Viewer } from "./viewer";
+import type { Camera, Channel, GridInfo, Hit, Section, Seen, Style, Vec3, Viewer } from "./viewer";
 
 const IMAGE_SIDE_MAX = 4096;
 // A lost context that the browser does not give back within this time is reported.
 const RESTORE_MS = 10_000;
+// Rays along a side of the image that look for the voxels in front.
+const SEEN_RAYS = 24;
 
 interface Shown {
   grid: PackedGrid; // its means are those of `paint`
@@ -59,6 +63,7 @@ class WebGlViewer implements Viewer {
   #painter!: Painter;
   #frames!: Frames;
   #shown: Shown | null = null;
+  #part: Shown | null = null; // drawn in the grid's place
   #view: Camera = START;
   #look: Style = "voxel";
   #channelShown: Channel | null = null;
@@ -96,15 +101,25 @@ class WebGlViewer implements Viewer {
     const grid = await this.#decoder.decode(container);
     const info = infoOf(grid);
     this.#shown = { grid, info, subject: subjectOf(grid), paint: grid.paint, painted: null };
+    this.#part = null;
     if (!options?.keepCamera) this.#view = { ...START, projection: this.#view.projection };
     this.#upload();
     await this.#repaint();
     return info;
   }
 
+  async showPart(container: ArrayBuffer | null): Promise<void> {
+    const shown = this.#shown,
+      grid = container && (await this.#decoder.decode(container));
+    if (!shown || (!grid && !this.#part)) return;
+    this.#part = grid && { ...shown, grid, info: infoOf(grid), paint: grid.paint, painted: null };
+    this.#upload();
+    await this.#repaint();
+  }
+
   clear(): void {
     this.#decoder.abort();
-    this.#shown = null;
+    this.#shown = this.#part = null;
     this.#frames.setScene(null);
     this.#frames.invalidate(false);
   }
@@ -138,12 +153,23 @@ class WebGlViewer implements Viewer {
     this.#frames.invalidate(true);
   }
 
-  visibleCells(): readonly [Vec3, Vec3] | null {
-    const shown = this.#shown,
-      kept = shown && keptCells(shown.grid, this.#cut);
-    if (!shown || !kept) return null;
-    const rays = raysOf(shown.grid, shown.subject, this.#view, this.#size());
-    return rays && visibleCells(rays.clipFromGrid, kept[0], kept[1]);
+  visibleCells(): Seen | null {
+    const found = this.#raysInto(this.#shown);
+    if (!found) return null;
+    const { grid, rays, low, high, plane } = found,
+      all = visibleCells(rays.clipFromGrid, low, high);
+    const from: [number, number, number] = [Infinity, Infinity, Infinity],
+      to: [number, number, number] = [-1, -1, -1];
+    const at = (i: number): number => (2 * i) / SEEN_RAYS - 1;
+    for (let i = 0; i <= SEEN_RAYS; ++i) {
+      for (let j = 0; j <= SEEN_RAYS; ++j) {
+        pickVoxel(grid, rays, at(i), at(j), low, high, plane)?.cell.forEach((v, c) => {
+          from[c] = Math.min(from[c]!, v);
+          to[c] = Math.max(to[c]!, v + 1);
+        });
+      }
+    }
+    return all && to[0] >= 0 ? { all, front: [from, to] } : null;
   }
 
   pixelsPerCell(): number {
@@ -155,19 +181,16 @@ class WebGlViewer implements Viewer {
 
   pick(x: number, y: number): Hit | null {
     const { canvas } = this,
-      shown = this.#shown,
-      kept = shown && keptCells(shown.grid, this.#cut);
-    if (!shown || !kept) return null;
-    const rays = raysOf(shown.grid, shown.subject, this.#view, this.#size());
-    if (!rays) return null;
-    const plane = this.#cut.plane && planeInGrid(this.#cut.plane, shown.grid);
+      found = this.#raysInto(this.#drawn);
+    if (!found) return null;
+    const { grid, rays, low, high, plane } = found;
     return pickVoxel(
-      shown.grid,
+      grid,
       rays,
       (2 * x) / canvas.clientWidth - 1,
       1 - (2 * y) / canvas.clientHeight,
-      kept[0],
-      kept[1],
+      low,
+      high,
       plane,
     );
   }
@@ -202,13 +225,30 @@ class WebGlViewer implements Viewer {
     this.#controls.dispose();
     this.#decoder.dispose();
     this.#frames.stop();
-    this.#shown = null;
+    this.#shown = this.#part = null;
     this.#painter.textures.dispose(); // the context stays, for another viewer of the canvas
   }
 
   /** Bytes of the grid's tables on the device. */
   get deviceBytes(): number {
     return this.#shown ? this.#painter.textures.bytes : 0;
+  }
+
+  get #drawn(): Shown | null {
+    return this.#part ?? this.#shown;
+  }
+
+  // The camera's rays, and what a section leaves of the cells.
+  #raysInto(
+    shown: Shown | null,
+  ): { grid: PackedGrid; rays: ImageRays; low: Vec3; high: Vec3; plane: Vec4 | null } | null {
+    const kept = shown && keptCells(shown.grid, this.#cut);
+    if (!shown || !kept) return null;
+    const { grid, subject } = shown,
+      [low, high] = kept,
+      rays = raysOf(grid, subject, this.#view, this.#size());
+    const plane = this.#cut.plane && planeInGrid(this.#cut.plane, grid);
+    return rays && { grid, rays, low, high, plane };
   }
 
   /** Draws again when the ratio of device pixels changes: on another screen, for example. */
@@ -246,18 +286,24 @@ class WebGlViewer implements Viewer {
     else this.#moveByHand({ ...this.#view, azimuth: around, elevation: up });
   }
 
+  // A part is as bright as its grid, and has the same colour inside of solids.
   #lookOf(shown: Shown): Look {
+    const { paint, painted } = shown,
+      whole = this.#shown;
     return {
       camera: this.#view,
       style: this.#look,
       section: this.#cut,
-      paint: shown.paint,
-      hasChannel: shown.painted !== null,
+      paint:
+        paint && whole?.paint && whole.painted === painted
+          ? { ...whole.paint, colors: paint.colors }
+          : paint,
+      hasChannel: painted !== null,
     };
   }
 
   #scene(): Scene | null {
-    const shown = this.#shown;
+    const shown = this.#drawn;
     if (!shown) return null;
     return {
       params: (quality, size) =>
@@ -267,15 +313,16 @@ class WebGlViewer implements Viewer {
   }
 
   #upload(): void {
-    if (!this.#shown) return;
-    this.#painter.setGrid(this.#shown.grid, this.#shown.paint?.colors ?? null);
+    const shown = this.#drawn;
+    if (!shown) return;
+    this.#painter.setGrid(shown.grid, shown.paint?.colors ?? null);
     this.#frames.setScene(this.#scene());
     this.#frames.invalidate(false);
   }
 
   /** Makes the colours those of the channel that is to be shown. */
   async #repaint(): Promise<void> {
-    const shown = this.#shown;
+    const shown = this.#drawn;
     if (!shown) return;
     const wanted =
       this.#channelShown !== null && shown.info.channels.includes(this.#channelShown)
@@ -298,7 +345,7 @@ class WebGlViewer implements Viewer {
         brickCount,
         tileDims,
       });
-      if (!painted || this.#shown !== shown) return;
+      if (!painted || this.#drawn !== shown) return;
       shown.grid = { ...shown.grid, nodes: painted.nodes, bricks: painted.bricks };
       shown.paint = painted.paint;
     }

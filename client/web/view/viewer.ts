@@ -29,9 +29,18 @@ export interface Section {
   readonly box: readonly [Vec3, Vec3] | null; // least and greatest corner of what stays
 }
 
+/** Cells [least, greatest + 1) of a grid. */
+export type Box = readonly [Vec3, Vec3];
+
+/** What the canvas shows of the grid. */
+export interface Seen {
+  readonly all: Box; // the occupied cells' box, as far as it lies in the image
+  readonly front: Box; // around the voxels in front that a lattice of rays finds
+}
+
 /** The voxel under a point of the canvas. */
 export interface Hit {
-  readonly cell: Vec3; // of the shown grid's own level
+  readonly cell: Vec3; // of the grid, or of the part that is drawn in its place
   readonly color?: readonly [number, number, number, number]; // sRGB and alpha, 0..255
   readonly normal?: Vec3;
   readonly material?: number;
@@ -48,6 +57,11 @@ export interface Viewer {
    * AbortError.
    */
   show(container: ArrayBuffer, options?: { keepCamera?: boolean }): Promise<GridInfo>;
+  /**
+   * Draws a container of a part of the grid, at any level, in the grid's place; the camera stays.
+   * null: the grid again, as does show(). Rejects as show() does.
+   */
+  showPart(container: ArrayBuffer | null): Promise<void>;
   /** Shows nothing. */
   clear(): void;
   readonly grid: GridInfo | null;
@@ -57,8 +71,8 @@ export interface Viewer {
   /** The channel that colours the voxels; null: the style's own colours. */
   channel: Channel | null;
   section: Section;
-  /** The part of the shown grid's cells that the canvas shows, or null if it shows no cell. */
-  visibleCells(): readonly [Vec3, Vec3] | null;
+  /** null if the canvas shows no voxel. */
+  visibleCells(): Seen | null;
   /** Pixels of the canvas that one cell covers about, at the middle of the grid. */
   pixelsPerCell(): number;
 

@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Session } from "./browser/session";
+import type { Seen } from "../../../client/web/view/viewer";
 
 const WIDTH = 300,
   HEIGHT = 200;
@@ -225,7 +226,12 @@ test("facts of the view: visible cells and pixels of a cell", async () => {
   await browser.call("set", { camera: { zoom: 10 } });
   const part = (await browser.call("visibleCells"))!;
   near((await browser.call("pixelsPerCell")) / pixels, 10, 1e-6);
-  assert.ok(part[1][1] - part[0][1] < whole[1][1] - whole[0][1], `${part} of ${whole}`);
+  const height = ({ all: [low, high] }: Seen): number => high[1] - low[1];
+  assert.ok(height(part) < height(whole), JSON.stringify([part, whole]));
+  for (const c of [0, 1, 2] as const) {
+    assert.ok(part.front[0][c] >= part.all[0][c] && part.front[1][c] <= part.all[1][c]);
+    assert.ok(part.front[0][c] < part.front[1][c], JSON.stringify(part));
+  }
 });
 
 test("images have any size up to 4096, and others are refused", async () => {

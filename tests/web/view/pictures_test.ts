@@ -186,6 +186,32 @@ test("a lost context is rebuilt", async () => {
   assert.ok(found.mean < 0.1 && found.drawn > 0.1, JSON.stringify(found));
 });
 
+test("a part is drawn in the grid's place as the daemon draws the grid", async () => {
+  const { daemon, server, browser } = session;
+  const camera = { zoom: 5 };
+  assertSame(await compare(FINE, { ...camera, style: "smooth" }, { camera, style: "smooth" }));
+  const whole = await browser.call("grid"),
+    { front } = (await browser.call("visibleCells"))!,
+    hit = (await browser.call("pick", WIDTH / 4, HEIGHT / 5))!;
+  const low = front[0].map((v) => Math.max(0, v - 6)),
+    high = front[1].map((v, c) => Math.min(whole!.dims[c]!, v + 6));
+  assert.ok(low.some((v) => v > 0) && high.some((v, c) => v < whole!.dims[c]!), `${low} ${high}`);
+  const options = { ...FINE.options, format: "native", region: [...low, ...high].join() };
+  server.data.set("part.voxg", await daemon.post("voxelize", FINE.file, options));
+  await browser.call("showPart", "part.voxg");
+  assertSame(
+    await browser.call("compare", `picture_${numbers}.png`, WIDTH, HEIGHT, false, "part"),
+  );
+  assert.deepEqual(await browser.call("grid"), whole);
+  const partly = (await browser.call("pick", WIDTH / 4, HEIGHT / 5))!;
+  assert.deepEqual(
+    partly.cell.map((v, c) => v + low[c]!),
+    hit.cell,
+  );
+  await browser.call("showPart", null);
+  assert.deepEqual(await browser.call("pick", WIDTH / 4, HEIGHT / 5), hit);
+});
+
 test("nothing broke the page's policy", async () => {
   assert.deepEqual(await session.browser.call("violations"), []);
 });

@@ -251,11 +251,13 @@ export function paramsOf(
     Math.max(OCCLUSION_VOXELS_MIN, OCCLUSION_LENGTH * diagonal),
     cubeShare(voxelPixels, look.style),
   ]);
-  const { occupiedMin: low, occupiedMax: high, tileDims } = grid;
+  const { occupiedMin: low, occupiedMax: high, origin, tileDims } = grid;
+  const cell = (world: number, c: 0 | 1 | 2): number => (world - origin[c]) / voxelSize[c];
+  const middle = (c: 0 | 1 | 2): number => cell(0.5 * (subject.low[c] + subject.high[c]), c);
   block.vec4(GROUND, [
-    0.5 * (low[0] + high[0]),
-    low[1],
-    0.5 * (low[2] + high[2]),
+    middle(0),
+    cell(subject.low[1], 1),
+    middle(2),
     0.5 * GROUND_FADE * diagonal,
   ]);
   const kept = keptCells(grid, look.section),

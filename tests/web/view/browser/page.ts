@@ -107,6 +107,10 @@ const api = {
     return view().show(await response.arrayBuffer(), { keepCamera });
   },
 
+  async showPart(name: string | null): Promise<void> {
+    await view().showPart(name && (await (await fetch(`/data/${name}`)).arrayBuffer()));
+  },
+
   showBuffer: (bytes: ArrayBuffer): Promise<GridInfo> => view().show(bytes),
 
   /** The error's name and text when a container is shown, or "". */
