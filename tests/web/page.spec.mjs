@@ -208,7 +208,7 @@ test("a double click marks a voxel, and others tell how far they are from it", a
   const text = await page.locator("#pick").textContent();
   const to = cellOf(text);
   expect(text).toContain(`${to.map((c, k) => c - from[k]).join(", ")} cells from the mark: `);
-  await canvas.dblclick({ position: { x: 3, y: 3 } });
+  await canvas.dblclick({ position: { x: box.width / 12, y: box.height / 12 } });
   await canvas.hover({ position: middle });
   await expect(page.locator("#pick")).not.toContainText("from the mark");
 });
@@ -224,22 +224,26 @@ test("a close camera sees the voxels of a large grid", async ({ page }) => {
   page.on("request", request => regions.push(new URL(request.url()).searchParams.get("region")));
   const canvas = page.locator("#canvas");
   const box = await canvas.boundingBox();
-  // Cells under a row of points.
-  const oddCells = async () => {
-    let odd = 0;
-    for (let i = -3; i <= 3; ++i) {
-      await canvas.hover({ position: { x: box.width / 2 + 9 * i, y: box.height / 2 + i } });
-      const text = page.locator("#pick:not([hidden])");
-      odd += cellOf(await text.textContent()).some(cell => cell % 2 !== 0) ? 1 : 0;
+  // Cells under a row of points: those that are shown, and those of the finest level among them.
+  const cells = async () => {
+    const found = { all: 0, odd: 0 };
+    for (let i = -6; i <= 6; ++i) {
+      await canvas.hover({ position: { x: box.width / 2 + 16 * i, y: box.height / 2 + i } });
+      if (await page.locator("#pick").isHidden()) continue;
+      ++found.all;
+      const cell = cellOf(await page.locator("#pick").textContent());
+      if (cell.some(c => c % 2 !== 0)) ++found.odd;
     }
-    return odd;
+    return found;
   };
-  expect(await oddCells()).toBe(0);
+  const before = await cells();
+  expect(before.odd).toBe(0);
+  expect(before.all).toBeGreaterThan(3);
   for (let i = 0; i < 4; ++i) await page.mouse.wheel(0, -300);
-  await expect.poll(oddCells).toBeGreaterThan(2);
+  await expect.poll(async () => (await cells()).odd).toBeGreaterThan(1);
   expect(regions.filter(region => region !== null).length).toBeGreaterThan(0);
   await page.click("#reset");
-  await expect.poll(oddCells).toBe(0);
+  await expect.poll(async () => (await cells()).odd).toBe(0);
 });
 
 /** The files of a sample, written to a folder of their own. */

@@ -11,12 +11,14 @@ import threading
 import time
 
 from harness import TenantsDaemon, run_for
+from test_cancel import lattice, textured_mesh
 
 HONEST = ("ada", "ben", "cleo")
 HOSTILE = "mallory"
 # A tenant that may not be refused would fill any disk: the operator of a shared machine sets quotas.
 HOSTILE_LIMITS = ["--bytes", "200M", "--queued-jobs", "500"]
 HOLD_SECONDS = 3  # that an attacker keeps what it has opened
+LONG_JOB_SECONDS = 20  # that a job of minutes runs before its tenant cancels it
 HELD_CONNECTIONS = 50
 UNREAD_RESPONSES = 200
 REFUSED = {400, 404, 408, 409, 410, 411, 413, 415, 422, 429, 503, 504, 507}
@@ -27,6 +29,17 @@ def memory_kb(pid):
     lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
     fields = dict(line.split(":", 1) for line in lines if ":" in line)
     return int(fields["VmRSS"].split()[0]), int(fields["VmHWM"].split()[0])
+
+
+def disk_kb(folder):
+    """What the files of a folder take on the disk."""
+    blocks = 0
+    for path in pathlib.Path(folder).rglob("*"):
+        try:
+            blocks += path.lstat().st_blocks
+        except OSError:  # deleted meanwhile
+            pass
+    return blocks // 2
 
 
 def percentile(values, part):
@@ -94,7 +107,7 @@ class Siege(TenantsDaemon):
         return (f"{method} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer "
                 f"{self.keys[HOSTILE]}\r\n{extra}\r\n").encode()
 
-    def hold(self, attack, requests):
+    def hold(self, attack, requests, meanwhile=lambda: None):
         """Sends each on a connection of its own, reads nothing, and leaves after a while."""
         clients = []
         for request in requests:
@@ -105,6 +118,7 @@ class Siege(TenantsDaemon):
                 clients.append(client)
             except OSError:
                 self.count(attack, "closed")
+        meanwhile()
         self.stop.wait(HOLD_SECONDS)
         for client in clients:
             client.close()
@@ -169,17 +183,69 @@ class Siege(TenantsDaemon):
         if response.status not in (200, 201):
             listed = self.ask("fill_the_disk", "GET", "/v1/assets?limit=100").json()
             for asset in listed.get("assets", []):
-                if asset["id"] not in (self.own_asset, self.worm_asset):
+                if asset["id"] not in (self.own_asset, self.worm_asset, self.lattice_asset, self.textures_asset):
                     self.ask("fill_the_disk", "DELETE", f"/v1/assets/{asset['id']}")
 
+    def run_for_long(self, attack, count, **job):
+        """Starts jobs of minutes, and cancels them after a while."""
+        answers = [self.ask(attack, "POST", "/v1/jobs", job) for _ in range(count)]
+        self.stop.wait(LONG_JOB_SECONDS)
+        for answer in answers:
+            if answer.status in (200, 202):
+                self.ask(attack, "DELETE", f"/v1/jobs/{answer.json()['id']}")
+
+    def fill_open_triangles(self):
+        self.run_for_long("fill_open_triangles", 3, kind="voxelize", asset=self.lattice_asset,
+                          options={"size": 512, "fill": "solid", "sign": "winding", "cache": "no"})
+
+    def decode_textures(self):
+        self.run_for_long("decode_textures", 1, kind="voxelize", asset=self.textures_asset,
+                          options={"size": 8, "color": "average", "cache": "no"})
+
+    def draw_turntables(self):
+        self.run_for_long("draw_turntables", 6, kind="render", asset=self.own_asset,
+                          options={"size": 256, "image": "gif", "turntable": 360, "width": 2048, "height": 2048,
+                                   "samples": 4, "cache": "no"})
+
+    def fill_with_records(self):
+        """Jobs on a small asset with names, keys and times as long as they may be."""
+        for number in range(50):
+            key = f"{self.chance.random()}{number}".ljust(200, "k")
+            answer = self.ask("fill_with_records", "POST", "/v1/jobs",
+                              {"kind": "voxelize", "asset": self.worm_asset, "filename": "n" * 200,
+                               "options": {"size": 8, "times": [i / 1000 for i in range(1000)], "cache": "no"}},
+                              {"Idempotency-Key": key})
+            if answer.status == 507:
+                break
+        listed = self.ask("fill_with_records", "GET", "/v1/jobs?limit=100").json().get("jobs", [])
+        for job in listed:
+            self.ask("fill_with_records", "DELETE", f"/v1/jobs/{job['id']}")
+
+    def hold_deleted_files(self):
+        """Results of 10 MB that are deleted while connections that read nothing hold them."""
+        own, jobs = self.tenants[HOSTILE], []
+        for _ in range(3):
+            answer = self.ask("hold_deleted_files", "POST", "/v1/jobs",
+                              {"kind": "voxelize", "asset": self.own_asset,
+                               "options": {"size": 220, "format": "npy", "cache": "no"}})
+            if answer.status in (200, 202):
+                jobs.append(answer.json()["id"])
+        jobs = [job for job in jobs if own.wait(job, seconds=300)["state"] == "done"]
+        self.hold("hold_deleted_files",
+                  [self.head_of("GET", f"/v1/jobs/{job}/result") for job in jobs for _ in range(10)],
+                  lambda: [self.ask("hold_deleted_files", "DELETE", f"/v1/jobs/{job}/result") for job in jobs])
+
     ATTACKS = (read_no_responses, send_half_bodies, send_half_heads, watch_events, wait_for_jobs, fill_the_queue,
-               cancel_all, send_long_strings, send_nonsense, fill_the_disk)
+               cancel_all, send_long_strings, send_nonsense, fill_the_disk, fill_open_triangles, decode_textures,
+               draw_turntables, fill_with_records, hold_deleted_files)
 
     def prepare(self):
         """Creates the attackers' resources: assets, a grid of many tiles, a long job."""
         own = self.tenants[HOSTILE]
         self.own_asset = own.post("/v1/assets?filename=own.ply", self.mesh).json()["id"]
         self.worm_asset = own.post("/v1/assets?filename=worm.md5.zip", self.worm).json()["id"]
+        self.lattice_asset = own.post("/v1/assets?filename=lattice.ply", lattice(28)).json()["id"]
+        self.textures_asset = own.post("/v1/assets?filename=textures.zip", textured_mesh(4, 5000)).json()["id"]
         job = own.submit(kind="voxelize", asset=self.own_asset,
                          options={"size": 4096, "channels": "occupancy", "format": "native"})
         status = own.wait(job)
@@ -191,7 +257,7 @@ class Siege(TenantsDaemon):
         while not self.stop.is_set():
             try:
                 attack(self)
-            except (OSError, ValueError, KeyError) as failure:
+            except (OSError, ValueError, KeyError, AssertionError) as failure:
                 self.count(attack.__name__, type(failure).__name__)
                 self.stop.wait(0.2)
 
@@ -205,7 +271,7 @@ class Siege(TenantsDaemon):
                 [lambda attack=attack: self.be_hostile(attack) for attack in attacks])
         now_kb, most_kb = memory_kb(self.daemon.process.pid)
         return {"phase": name, "wrong": len(self.wrong) - wrong_before,
-                "gateway_kb": now_kb, "gateway_most_kb": most_kb,
+                "gateway_kb": now_kb, "gateway_most_kb": most_kb, "disk_kb": disk_kb(self.data_dir),
                 "ms": {what: {"count": len(times), "p50": round(statistics.median(times), 1),
                               "p99": round(percentile(times, 0.99), 1), "max": round(max(times), 1)}
                        for what, times in self.times_ms.items()},
