@@ -122,9 +122,10 @@ export class App {
     );
     this.#settings = new Settings(voxels);
     this.#settings.onChange = isFinal => this.#changed(isFinal);
+    // The price may take more lines when it comes, and must not move the buttons under a click.
     voxels.append(
-      this.#priceLine,
       h("div", { className: "row" }, this.#runButton, this.#cancelButton),
+      this.#priceLine,
       this.#progress,
       this.#jobLine,
     );
