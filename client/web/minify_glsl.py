@@ -25,28 +25,71 @@ SWIZZLE = re.compile(r"[xyzw]{1,4}|[rgba]{1,4}|[stpq]{1,4}")
 CONDITION = re.compile(r"\s*#\s*(if|ifdef|ifndef|elif|undef)\b")
 CONSTANT = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(-?\d[\w.]*)[ \t]*$", re.M)
 TYPE_ALIAS = re.compile(r"^#define (double|dvec[234]) (\w+)$")
-SHORTEST = 3  # letters of a name that is replaced
+TOKEN = re.compile(r"^[ \t]*#.*$|\.?\b[A-Za-z_]\w*\b|[{}();]", re.M)
+# Of names by their scope: no letters that may be taken for components of vectors, and none of both kinds.
+FIRST_LETTERS = {"": string.ascii_uppercase, ".": "cdefhijklmnouv"}
 PUNCTUATION = re.compile(r"\s*([-+*/%=<>!&|^?:;,(){}\[\]])\s*")
 
 
-def short_names(used):
+def short_names(first, taken):
     for length in (1, 2, 3):
-        for letters in itertools.product(string.ascii_letters, repeat=length):
+        for letters in itertools.product(first, *[string.ascii_letters] * (length - 1)):
             name = "".join(letters)
-            if name not in used and name not in LANGUAGE and not SWIZZLE.fullmatch(name):
+            if name not in taken and name not in LANGUAGE:
                 yield name
 
 
+def scoped_words(text):
+    """(start, end, word, scope) of each word. scope: "." for members of structs, "" for names of the whole text, the
+    number of a function for what stands in its parameters and body."""
+    words, braces, brackets, function, block, before = [], 0, 0, 0, "", ""
+    for match in TOKEN.finditer(text):
+        token = match.group()
+        if token == "{":
+            braces += 1
+        elif token == "(":
+            brackets += 1
+        elif token == ")":
+            brackets -= 1
+        elif token in "};":
+            braces -= token == "}"
+            if braces == 0:
+                function, block = function + 1, ""
+        elif token[0] != "#":
+            word = token.lstrip(".")
+            is_outside = braces == 0 and brackets == 0
+            if is_outside and word in ("struct", "uniform"):
+                block = word
+            is_member = token[0] == "." or (block == "struct" and braces == 1 and before not in "{;")
+            scope = "." if is_member else "" if is_outside or block else function
+            words.append((match.end() - len(word), match.end(), word, scope))
+        before = token
+    return words
+
+
 def renamed(text, kept):
-    macros = {word for line in text.split("\n") if line.lstrip().startswith("#") for word in WORD.findall(line)}
-    counts = {}
-    for word in WORD.findall(text):
-        counts[word] = counts.get(word, 0) + 1
-    replaced = [word for word in sorted(counts, key=lambda word: (-counts[word], word))
-                if len(word) >= SHORTEST and word not in LANGUAGE | macros | kept
-                and not word.startswith("gl_") and not SWIZZLE.fullmatch(word)]
-    names = dict(zip(replaced, short_names(set(counts))))
-    return WORD.sub(lambda match: names.get(match.group(), match.group()), text)
+    """Names of the whole text and of members are the shorter the more they are used. Those of a function are letters in
+    the order of their use: the same in each function, which compresses well."""
+    kept = LANGUAGE | kept | {word for line in text.split("\n") if line.lstrip().startswith("#")
+                              for word in WORD.findall(line)}
+    words = scoped_words(text)
+    known = {word for _, _, word, scope in words if scope == ""}
+    places = {}  # scope -> word -> where
+    for start, end, word, scope in words:
+        if word in kept or word.startswith("gl_") or (scope == "." and SWIZZLE.fullmatch(word)):
+            continue
+        places.setdefault("" if word in known and scope != "." else scope, {}).setdefault(word, []).append((start, end))
+    taken = set().union(*places.values()) & kept
+    changes = []
+    for scope, found in places.items():
+        rank = (lambda word: (-len(found[word]), found[word])) if scope in FIRST_LETTERS else found.get
+        names = short_names(FIRST_LETTERS.get(scope, string.ascii_lowercase), taken)
+        changes += [(*place, name) for word, name in zip(sorted(found, key=rank), names) for place in found[word]]
+    out, at = [], 0
+    for start, end, name in sorted(changes):
+        out += text[at:start], name
+        at = end
+    return "".join(out) + text[at:]
 
 
 def without_constants(text):

@@ -130,7 +130,7 @@ export class App {
       this.#jobLine,
     );
     this.#look = new Look(look, this.#stage, byId("pick"), canvas);
-    if (!this.#stage.isLive) look.append(h("p", { className: "note" }, t("still")));
+    if (!this.#stage.viewer) look.append(h("p", { className: "note" }, t("still")));
     this.#take = new Take(take, api, this.#runner, this.#stage);
     this.#take.onProblem = onProblem;
     this.#take.onNote = onNote;
@@ -417,7 +417,7 @@ export class App {
       if (isNew || job.state === "done") await this.#showFrame(this.#timeline.current);
     } else {
       this.#timeline.show(0, 0, 1);
-      if (!this.#stage.path && this.#stage.isLive) this.#showOver(t("fetching"));
+      if (!this.#stage.path && this.#stage.viewer) this.#showOver(t("fetching"));
       await this.#show(`/v1/grids/${job.result?.grid ?? ""}`, meta);
       this.#showOver("");
     }

@@ -91,7 +91,7 @@ export class Look {
     if (String(meta.dims) !== String(this.#meta.dims)) this.#from = null;
     this.#meta = meta;
     const grid = this.stage.grid;
-    const known: Choice[] = (this.stage.isLive ? (grid?.channels ?? []) : []).map(value => ({
+    const known: Choice[] = ((this.stage.viewer && grid?.channels) ?? []).map(value => ({
       value,
       text: t(`channel_${value}`),
     }));
@@ -148,7 +148,7 @@ export class Look {
   }
 
   #hit(event: MouseEvent): Hit | null {
-    return this.stage.isLive ? (this.stage.viewer?.pick(event.offsetX, event.offsetY) ?? null) : null;
+    return this.stage.viewer?.pick(event.offsetX, event.offsetY) ?? null;
   }
 
   #pick(event: MouseEvent): void {

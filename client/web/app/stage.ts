@@ -17,14 +17,13 @@ export interface Shown {
 }
 
 export class Stage {
-  readonly viewer: Viewer | null;
+  viewer: Viewer | null; // null without WebGL 2, or once its context is lost for good
   readonly picture: Picture;
   level = 0; // of the grid that is shown
   onCamera: ((camera: Camera) => void) | null = null;
   onLost: () => void = () => undefined;
   onProblem: (error: unknown) => void = () => undefined;
 
-  #isLost = false;
   #shown: Shown | null = null;
   #info: GridInfo | null = null;
   readonly #fetching = new Map<string, Promise<ArrayBuffer>>();
@@ -57,32 +56,27 @@ export class Stage {
     image.hidden = Boolean(this.viewer);
   }
 
-  /** Whether WebGL draws. */
-  get isLive(): boolean {
-    return this.viewer !== null && !this.#isLost;
-  }
   /** The path of what is shown: "/v1/grids/{id}", or empty. */
   get path(): string {
     return this.#shown?.path ?? "";
   }
   get grid(): GridInfo | null {
-    return this.isLive ? (this.viewer?.grid ?? null) : this.#info;
+    return this.viewer ? this.viewer.grid : this.#info;
   }
   get camera(): Camera {
-    return this.isLive ? (this.viewer as Viewer).camera : this.picture.camera;
+    return (this.viewer ?? this.picture).camera;
   }
   set camera(camera: Camera) {
-    if (this.isLive) (this.viewer as Viewer).camera = camera;
-    if (this.isLive) this.#refineSoon();
-    else this.picture.camera = camera;
+    (this.viewer ?? this.picture).camera = camera;
+    this.#refineSoon();
   }
   get style(): Style {
     return this.picture.style;
   }
   set style(style: Style) {
-    if (this.viewer) this.viewer.style = style;
     this.picture.style = style;
-    if (!this.isLive) this.picture.redraw();
+    if (this.viewer) this.viewer.style = style;
+    else this.picture.redraw();
   }
   get channel(): Channel | null {
     return this.viewer?.channel ?? null;
@@ -94,10 +88,10 @@ export class Stage {
     return this.picture.section;
   }
   set section(section: Section) {
-    if (this.viewer) this.viewer.section = section;
     this.picture.section = section;
-    if (this.isLive) this.#refineSoon();
+    if (this.viewer) this.viewer.section = section;
     else this.picture.redraw();
+    this.#refineSoon();
   }
 
   resetView(): void {
@@ -117,12 +111,12 @@ export class Stage {
 
   /** Exchanges the picture in place. Throws Problem, DecodeError, or AbortError if superseded. */
   async show(shown: Shown, keepCamera: boolean): Promise<void> {
-    const turn = ++this.#showing;
+    const turn = ++this.#showing,
+      { viewer } = this;
     let level = 0;
     try {
-      if (this.isLive) {
-        const viewer = this.viewer as Viewer,
-          show = (bytes: ArrayBuffer) => viewer.show(bytes, { keepCamera });
+      if (viewer) {
+        const show = (bytes: ArrayBuffer) => viewer.show(bytes, { keepCamera });
         level = await this.#decode(shown, "", levelFor(shown.meta.dims), turn, show);
         this.#checkTurn(turn);
       }
@@ -130,7 +124,7 @@ export class Stage {
       if (turn === this.#showing) this.#settled = turn;
     }
     // The context may have been lost meanwhile.
-    if (!this.isLive) {
+    if (!this.viewer) {
       level = 0;
       this.picture.show(`${shown.path}/render.png`, keepCamera ? this.picture.camera : START);
     }
@@ -153,7 +147,7 @@ export class Stage {
 
   /** Fetches a grid that will be shown soon. */
   prefetch(path: string): void {
-    if (this.isLive) void this.#fetchGrid(path, "").catch(() => undefined);
+    if (this.viewer) void this.#fetchGrid(path, "").catch(() => undefined);
   }
 
   #checkTurn(turn: number): void {
@@ -174,7 +168,7 @@ export class Stage {
   async #refine(): Promise<void> {
     const { viewer, level } = this,
       shown = this.#shown;
-    if (!viewer || !this.isLive || !shown?.meta.dims || this.#settled !== this.#showing) return;
+    if (!viewer || !shown?.meta.dims || this.#settled !== this.#showing) return;
     const seen = viewer.visibleCells(),
       part = partFor(seen, level, viewer.pixelsPerCell(), shown.meta.dims, this.#part);
     if (part === this.#part) return;
@@ -251,11 +245,10 @@ export class Stage {
   }
 
   #lose(): void {
-    if (this.#isLost) return;
-    const { camera } = this;
-    this.#isLost = true;
+    if (!this.viewer) return;
+    const { camera } = this.viewer;
+    this.viewer = this.#part = null;
     this.level = this.#drawnLevel = 0;
-    this.#part = null;
     this.canvas.hidden = true;
     this.image.hidden = false;
     this.onLost();

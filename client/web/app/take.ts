@@ -353,7 +353,7 @@ export class Take {
     this.onNote(t("preparing", { name }));
     const { camera, channel, style, section, viewer } = this.stage;
     let blob: Blob;
-    if (this.stage.isLive && viewer && (channel || camera.pan.some(value => value !== 0))) {
+    if (viewer && (channel || camera.pan.some(value => value !== 0))) {
       blob = await viewer.image(width, height, this.#transparent.checked); // the daemon has no pan and no channels
     } else {
       const query = new URLSearchParams({
