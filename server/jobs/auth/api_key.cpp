@@ -47,7 +47,7 @@ bool is_base32(std::string_view text, size_t digits) {
 }
 
 Error expiry_error(std::string_view text) {
-  return {ErrorCode::kInvalidOption, "--expires",
+  return {ErrorCode::kInvalidOption, "expires",
           "a time from now (12h, 30d, 8w; at most 100 years) or a day to come (2030-12-31)",
           echoed(text)};
 }

@@ -56,6 +56,10 @@ class KeyRing {
 
   // A number that changes when a key is added, changed or revoked, or expires.
   uint64_t epoch() const;
+  // Reads the file now if it has changed, so that a change of this process counts at once.
+  void refresh() const EXCLUDES(mutex_) { current(Look::kNow); }
+  // The directory with the key file.
+  std::filesystem::path data_dir() const { return file_.parent_path(); }
   // Why nobody is admitted, if that is not what the file says.
   Status status() const EXCLUDES(mutex_);
 

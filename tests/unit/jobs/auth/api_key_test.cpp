@@ -89,7 +89,7 @@ TEST(ApiKey, an_expiry_that_is_none_or_past_is_refused_with_what_was_expected) {
     ASSERT_FALSE(refused) << text;
     EXPECT_EQ(refused.error().code, ErrorCode::kInvalidOption);
     EXPECT_EQ(refused.error().message(),
-              "--expires: expected a time from now (12h, 30d, 8w; at most 100 years) or a day to "
+              "expires: expected a time from now (12h, 30d, 8w; at most 100 years) or a day to "
               "come (2030-12-31), got \"" +
                   std::string(text) + "\"");
   }
