@@ -13,7 +13,7 @@ constexpr std::array kCodes = {
     ErrorCodeInfo{kUnknownOption, "unknown-option", 400, "There is no such option"},
     ErrorCodeInfo{kInvalidOption, "invalid-option", 400, "An option has an impossible value"},
     ErrorCodeInfo{kUnauthorized, "unauthorized", 401, "Credentials are missing or wrong"},
-    ErrorCodeInfo{kForbidden, "forbidden", 403, "The request may not come from there"},
+    ErrorCodeInfo{kForbidden, "forbidden", 403, "The request is not allowed"},
     ErrorCodeInfo{kNotFound, "not-found", 404, "There is no such thing"},
     ErrorCodeInfo{kMethodNotAllowed, "method-not-allowed", 405, "The method is not allowed here"},
     ErrorCodeInfo{kNotAcceptable, "not-acceptable", 406, "No acceptable format"},

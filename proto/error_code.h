@@ -12,7 +12,7 @@ enum class ErrorCode {
   kUnknownOption,        // 400 unknown-option: a parameter that does not exist
   kInvalidOption,        // 400 invalid-option: a parameter with a value it cannot take
   kUnauthorized,         // 401 unauthorized: no valid API key
-  kForbidden,            // 403 forbidden: a web page or a Host name that is not allowed
+  kForbidden,            // 403 forbidden: a web page, Host name or tenant that is not allowed
   kNotFound,             // 404 not-found
   kMethodNotAllowed,     // 405 method-not-allowed
   kNotAcceptable,        // 406 not-acceptable: no format that the Accept header allows

@@ -34,6 +34,7 @@ class HttpApiServer final : public ApiServer {
         access_(keys, secrets),
         api_{.jobs = jobs,
              .access = access_,
+             .keys = keys,
              .waits = WaitLimit(config.connections_max),
              .web_dir = config.web_dir},
         metrics_(registry),

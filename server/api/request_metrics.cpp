@@ -5,12 +5,24 @@
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
 
+#include <string>
+#include <string_view>
+
 #include "server/base/log.h"
 
 namespace voxeld::api {
 namespace {
 
 const prometheus::Histogram::BucketBoundaries kSeconds = {0.001, 0.01, 0.1, 0.5, 1, 5, 10, 60, 600};
+
+// The path for the log, without a key that a client put into it.
+std::string logged_path(std::string_view path) {
+  constexpr size_t kBytesMax = 200;
+  constexpr std::string_view kKeyBegin = "vxk_";
+  const size_t key = path.find(kKeyBegin);
+  if (key != std::string_view::npos) path = path.substr(0, key + kKeyBegin.size());
+  return std::string(path.substr(0, kBytesMax));
+}
 
 }  // namespace
 
@@ -59,7 +71,7 @@ void RequestMetrics::record(const http::ExchangeRecord& exchange, const std::str
                         {"tenant", exchange.tenant},
                         {"key", exchange.key_id},
                         {"method", method.substr(0, 20)},
-                        {"path", exchange.head->path.substr(0, 200)},
+                        {"path", logged_path(exchange.head->path)},
                         {"status", exchange.status},
                         {"in", static_cast<long>(exchange.bytes_in)},
                         {"out", static_cast<long>(exchange.bytes_out)},

@@ -112,6 +112,10 @@ std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max) {
        one_view, kMayStart},
       {"GET", "/v1/sequences/{id}/render", on(render_sequence), views_of_sequence, kMayStart},
       {"GET", "/v1/me", on(get_me)},
+      {"GET", "/v1/keys", on(list_keys), page},
+      {"POST", "/v1/keys", on(post_key), none, kNew, json},
+      {"PATCH", "/v1/keys/{id}", on(patch_key), none, kNone, json},
+      {"DELETE", "/v1/keys/{id}", on(delete_key)},
   };
   // clang-format on
 }

@@ -92,7 +92,7 @@ std::optional<Response> OriginGuard::preflight(const Head& head) const {
   if (!is_preflight(head) || !is_allowed(head.header("Origin"))) return std::nullopt;
   Response response;
   response.status = 204;
-  response.headers["Access-Control-Allow-Methods"] = "GET, HEAD, POST, DELETE";
+  response.headers["Access-Control-Allow-Methods"] = "GET, HEAD, POST, PATCH, DELETE";
   response.headers["Access-Control-Allow-Headers"] = kAllowedHeaders;
   response.headers["Access-Control-Max-Age"] = std::to_string(kPreflightSeconds);
   return response;

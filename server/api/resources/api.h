@@ -11,6 +11,7 @@
 #include "server/api/access/access.h"
 #include "server/api/access/wait_limit.h"
 #include "server/api/http_types.h"
+#include "server/jobs/auth/key_ring.h"
 #include "server/jobs/service/job_service.h"
 
 namespace voxeld::api {
@@ -18,6 +19,7 @@ namespace voxeld::api {
 struct Api {
   JobService& jobs;
   const Access& access;
+  const KeyRing& keys;
   WaitLimit waits;
   std::atomic<int> event_streams{0};
   // The server drains: event streams end, and long polls return at once.
@@ -28,5 +30,8 @@ struct Api {
 
 // The problem of `error` for this request.
 Response problem(const Request& request, const Error& error);
+// Whether the body is declared as application/json: a web page may send other types without asking
+// first. Errors: unsupported-media-type.
+Status check_json_type(const Request& request);
 
 }  // namespace voxeld::api

@@ -66,6 +66,11 @@ Reply render_sequence(Request& request, Api& api);
 // --- share.cpp
 Reply share_job(Request& request, Api& api);
 Reply share_grid(Request& request, Api& api);
+// --- keys.cpp
+Reply list_keys(Request& request, Api& api);
+Reply post_key(Request& request, Api& api);
+Reply patch_key(Request& request, Api& api);
+Reply delete_key(Request& request, Api& api);
 // --- me.cpp
 Reply get_me(Request& request, Api& api);
 

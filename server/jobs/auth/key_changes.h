@@ -15,11 +15,11 @@ namespace voxeld {
 
 // Weight and limits to set; an absent one stays. Limits of 0 are none.
 struct KeySettings {
-  std::optional<int64_t> weight;       // 1 to kKeyWeightMax
-  std::optional<std::string> rate;     // as parse_rate() takes it: "10/s"
-  std::optional<int64_t> queued_jobs;  // 0 to kQueuedJobsLimitMax
-  std::optional<int64_t> bytes;        // 0 to kBytesLimitMax
-  std::optional<int64_t> cells;        // 0 to kCellsLimitMax
+  std::optional<int64_t> weight = std::nullopt;       // 1 to kKeyWeightMax
+  std::optional<std::string> rate = std::nullopt;     // as parse_rate() takes it: "10/s"
+  std::optional<int64_t> queued_jobs = std::nullopt;  // 0 to kQueuedJobsLimitMax
+  std::optional<int64_t> bytes = std::nullopt;        // 0 to kBytesLimitMax
+  std::optional<int64_t> cells = std::nullopt;        // 0 to kCellsLimitMax
 };
 
 struct NewKey {

@@ -98,7 +98,9 @@ class ServerTest : public ::testing::Test {
                                  const std::string& lines, const std::string& body) {
     HttpClient client(port);
     std::string head = method + " " + target + " HTTP/1.1\r\nHost: h\r\n" + lines;
-    if (method == "POST") head += "Content-Length: " + std::to_string(body.size()) + "\r\n";
+    if (method == "POST" || method == "PATCH") {
+      head += "Content-Length: " + std::to_string(body.size()) + "\r\n";
+    }
     const bool is_json = body.starts_with('{') && lines.find("Content-Type") == lines.npos;
     if (is_json) head += "Content-Type: application/json\r\n";
     EXPECT_TRUE(client.send(head + "\r\n" + body));

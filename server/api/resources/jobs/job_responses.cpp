@@ -187,6 +187,13 @@ Response problem(const Request& request, const Error& error) {
   return Response::problem(error, request.head.path, request.trace.trace_id);
 }
 
+Status check_json_type(const Request& request) {
+  constexpr std::string_view kMediaType = "application/json";
+  if (request.head.media_type() == kMediaType) return {};
+  return Error{ErrorCode::kUnsupportedMedia, "Content-Type of the body", std::string(kMediaType),
+               "\"" + header_safe(request.head.header("Content-Type").substr(0, 80)) + "\""};
+}
+
 std::string server_timing(const JobStatus& status) {
   std::string text = status.cached ? "cache;desc=hit" : "";
   for (const auto& [stage, ms] : status.timings) {

@@ -16,16 +16,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-// A web page may send other types than this one without asking first.
-constexpr std::string_view kJsonMediaType = "application/json";
-
-Status check_media_type(const Request& request) {
-  if (request.head.media_type() == kJsonMediaType) return {};
-  return Error{ErrorCode::kUnsupportedMedia, "Content-Type of the body",
-               std::string(kJsonMediaType),
-               "\"" + header_safe(request.head.header("Content-Type").substr(0, 80)) + "\""};
-}
-
 Result<JobRequest> parse_body(const std::string& text) {
   VOXELD_ASSIGN(const Json body, parse_json_bounded(text));
   return parse_job_request(body);
@@ -107,7 +97,7 @@ Response polled_response(const Request& request, Api& api, const JobStatus& stat
 }  // namespace
 
 Reply post_job(Request& request, Api& api) {
-  if (const Status known = check_media_type(request); !known) {
+  if (const Status known = check_json_type(request); !known) {
     return problem(request, known.error());
   }
   return TextBody{request.body_bytes_max, [&api](Request& asking, const std::string& text) {
