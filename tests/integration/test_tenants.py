@@ -121,10 +121,15 @@ class Tenants(unittest.TestCase):
         # These routes list data of the caller alone.
         lists = {("get", "/v1/assets"), ("get", "/v1/jobs"), ("get", "/v1/queue"), ("get", "/v1/me"),
                  ("get", "/v1/results"), ("get", "/v1/grids"), ("get", "/v1/sequences")}
+        admins = {("get", "/v1/keys"), ("post", "/v1/keys"), ("patch", "/v1/keys/{id}"),
+                  ("delete", "/v1/keys/{id}")}
         for template, operations in self.daemon.openapi.spec["paths"].items():
             for method in set(operations) - {"parameters"}:
                 # A new route: say here how one tenant could reach another's things by it.
-                self.assertIn((method, template), set(on) | public | lists)
+                self.assertIn((method, template), set(on) | public | lists | admins)
+        for method, template in admins:
+            path = template.replace("{id}", key_id(self.keys["studio"]))
+            self.assertEqual(self.lab.request(method.upper(), path).status, 403, (method, template))
         for (method, template), requests in on.items():
             for path, body, kind in requests:
                 with self.subTest(f"{method} {path} {kind}"):
