@@ -839,4 +839,40 @@ test.describe("with keys", () => {
     await expect(page.locator('button[aria-label="Delete: own.ply"]')).toHaveCount(0);
     await expect(page.locator('h2:text-is("Storage")')).toBeFocused();
   });
+
+  test("an admin adds a key that is shown once, and revokes it; a tenant sees no keys", async ({
+    page,
+  }) => {
+    await page.goto(`${locked.url}/admin`);
+    await giveKey(page, locked.keys("add", "plain"));
+    await expect(page.locator("#admin")).toContainText("your own jobs and storage");
+    const card = page.locator('section:has(h2:text-is("Keys"))');
+    await expect(card).toBeHidden();
+    await page.reload();
+    await giveKey(page, locked.keys("add", "head", "--admin"));
+    await card.getByLabel("Name", { exact: true }).fill("guest");
+    await card.getByLabel("Expires").fill("soon");
+    await page.keyboard.press("Enter");
+    await expect(page.locator("#banner")).toContainText("30d");
+    await card.getByLabel("Expires").fill("30d");
+    await card.getByLabel("Requests").fill("10/s");
+    await card.getByLabel("Stored bytes").fill("20000000");
+    await card.getByRole("button", { name: "Add", exact: true }).click();
+    const shownKey = card.getByLabel("Key, shown only now");
+    await expect(shownKey).toHaveValue(/^vxk_[a-z2-7]{8}_[a-z2-7]{52}$/);
+    await expect(shownKey).toBeFocused();
+    const added = await shownKey.inputValue();
+    expect(await statusOf(added)).toBe(200);
+    const row = card.locator(`tr:has-text("guest ${added.split("_")[1]}")`);
+    await expect(row).toContainText(/Tenant.*Requests a minute: 600.*Stored bytes: 20.*live/);
+    for (const colorScheme of ["light", "dark"]) {
+      await page.emulateMedia({ colorScheme, reducedMotion: "reduce" });
+      expect(await seriousFindings(page), colorScheme).toEqual([]);
+    }
+    await row.getByRole("button", { name: "Revoke" }).click();
+    await expect(row).toContainText("revoked");
+    await expect(row.getByRole("button")).toHaveCount(0);
+    await expect(card.locator("h2")).toBeFocused();
+    expect(await statusOf(added)).toBe(401);
+  });
 });

@@ -1,8 +1,8 @@
 // The view /admin: queue and devices live, failures, storage, limits. A tenant sees what is its
-// own, an admin everything.
+// own, an admin everything, and the keys.
 import { isAbort, Problem, type Api } from "./api";
-import { byId, fill, h } from "./dom";
-import type { Asset, JobStatus, Me, Queue, StoredResult } from "./model";
+import { byId, field, fill, h } from "./dom";
+import type { Asset, JobStatus, Key, Me, Queue, StoredResult } from "./model";
 import { bytesText, count, t, type TextKey } from "./texts";
 
 const REFRESH_MS = 1500;
@@ -34,6 +34,14 @@ function when(milliseconds: number): string {
   return new Date(milliseconds).toLocaleString();
 }
 
+function limitName(limit: string): string {
+  return t(`limit_${limit}` as TextKey);
+}
+
+function limitText(limit: string, value: number | null): string {
+  return !value ? t("limitNone") : limit === "bytes" ? bytesText(value) : count(value);
+}
+
 function progressOf(job: JobStatus): string {
   if (job.state === "queued") return job.waiting_for || t("queued", { n: job.queue_position });
   if (job.frames_total > 0)
@@ -53,6 +61,8 @@ export class Admin {
   readonly #results = h("div");
   readonly #assets = h("div");
   readonly #limits = h("div");
+  readonly #keys = h("div");
+  readonly #keysCard: HTMLElement; // for admins
   #told = ""; // the last problem of the polling
 
   constructor(
@@ -62,6 +72,8 @@ export class Admin {
   ) {
     const section = (title: TextKey, ...children: HTMLElement[]) =>
       h("section", { className: "card" }, h("h2", { tabIndex: -1 }, t(title)), ...children);
+    this.#keysCard = section("keys", this.#keys, this.#keyForm());
+    this.#keysCard.hidden = true;
     byId("admin").append(
       h("h1", {}, t("adminTitle")),
       this.#access,
@@ -78,7 +90,7 @@ export class Admin {
         this.#assets,
       ),
       section("limits", this.#limits),
-      this.#keyHelp(),
+      this.#keysCard,
     );
   }
 
@@ -105,16 +117,82 @@ export class Admin {
     }
   }
 
-  #keyHelp(): HTMLElement {
-    return h(
-      "section",
-      { className: "card" },
-      h("h2", {}, t("keys")),
-      h("p", {}, t("keysHow")),
+  #keyForm(): HTMLElement {
+    const name = h("input", { required: true });
+    const expires = h("input", { placeholder: "90d" });
+    const rate = h("input", { placeholder: "10/s" });
+    const bytes = h("input", { type: "number", min: 1 });
+    const admin = h("input", { type: "checkbox" });
+    const shown = h("div");
+    const add = async () => {
+      const { key } = await this.api.json<Key>("/v1/keys", {
+        body: {
+          name: name.value,
+          admin: admin.checked,
+          expires: expires.value || undefined,
+          rate: rate.value || undefined,
+          bytes: +bytes.value || undefined,
+        },
+      });
+      const secret = h("input", { readOnly: true, value: key });
+      form.reset();
+      fill(shown, field(t("keyNew"), secret));
+      secret.focus();
+      secret.select();
+      await this.#showKeys();
+    };
+    const form = h(
+      "form",
+      {
+        className: "stack",
+        onsubmit: (event: Event) => {
+          event.preventDefault();
+          void add().catch(this.onProblem);
+        },
+      },
+      field(t("name"), name),
+      field(t("expires"), expires),
+      field(t("requests"), rate),
+      field(t("limit_bytes"), bytes),
       h(
-        "pre",
-        { tabIndex: 0, role: "group", "aria-label": t("keys") },
-        "voxeld keys list\nvoxeld keys add NAME [--admin] [--expires 90d]\nvoxeld keys set ID --rate 10/s --bytes 20G\nvoxeld keys revoke ID",
+        "p",
+        { className: "row" },
+        h("label", { className: "check" }, admin, t("admin")),
+        h("button", {}, t("add")),
+      ),
+      shown,
+    );
+    return form;
+  }
+
+  async #showKeys(): Promise<void> {
+    const { keys } = await this.api.json<{ keys: Key[] }>("/v1/keys?limit=1000");
+    refill(
+      this.#keys,
+      table(
+        [t("name"), t("role"), t("limits"), t("expires"), t("state"), ""],
+        keys.map(key => {
+          const name = `${key.name} ${key.id}`;
+          return [
+            name,
+            t(key.admin ? "admin" : "tenant"),
+            Object.entries(key.limits)
+              .filter(([, value]) => value)
+              .map(([limit, value]) => limitName(limit) + ": " + limitText(limit, value))
+              .join(", "),
+            key.expires_ms ? when(key.expires_ms) : "",
+            key.state,
+            key.state === "live"
+              ? this.#button(
+                  t("revoke"),
+                  name,
+                  () => this.api.request(`/v1/keys/${key.id}`, { method: "DELETE" }),
+                  () => this.#showKeys(),
+                )
+              : "",
+          ];
+        }),
+        "",
       ),
     );
   }
@@ -193,6 +271,8 @@ export class Admin {
     this.#access.textContent = t(
       me.key === "" ? "adminOpen" : me.admin ? "adminAll" : "adminTenant",
     );
+    this.#keysCard.hidden = !me.admin;
+    if (me.admin) await this.#showKeys();
     const [used, limit] = [me.usage["bytes"] ?? 0, me.limits["bytes"] ?? null];
     this.#use.textContent =
       limit === null
@@ -202,10 +282,7 @@ export class Admin {
       this.#limits,
       table(
         [t("limits"), ""],
-        Object.entries(me.limits).map(([name, value]) => [
-          t(`limit_${name}` as TextKey),
-          value === null ? t("limitNone") : name === "bytes" ? bytesText(value) : count(value),
-        ]),
+        Object.entries(me.limits).map(([name, value]) => [limitName(name), limitText(name, value)]),
         t("limitNone"),
       ),
     );

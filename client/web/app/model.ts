@@ -113,6 +113,17 @@ export interface Me {
   readonly usage: Readonly<Record<string, number>>;
 }
 
+/** An API key; a new one has its secret as `key`. Limits of 0 are none. */
+export interface Key {
+  readonly id: string;
+  readonly name: string;
+  readonly admin: boolean;
+  readonly limits: Readonly<Record<string, number>>;
+  readonly expires_ms: number; // 0: never
+  readonly state: string;
+  readonly key?: string;
+}
+
 export interface Queue {
   readonly queued: number;
   readonly running: number;
