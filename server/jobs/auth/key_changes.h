@@ -36,11 +36,13 @@ struct AddedKey {
   std::string secret_text;  // "vxk_…"; the key file has its hash alone
 };
 
-// Whether the last live key of an admin may be revoked, after which only the command line can make
+// Whether the last live key of an admin may be revoked. Afterwards only the command line can make
 // keys.
 enum class LastAdmin { kMayGo, kStays };
 
-// Each changes the file under its lock. Errors of all: those of change_keys().
+// The three functions below change the file under its lock, and have the errors of change_keys()
+// besides their own.
+
 // Errors: invalid-option for a name, an expiry or a setting.
 Result<AddedKey> add_key(const std::filesystem::path& data_dir, const NewKey& wanted);
 // Applies the settings to all keys of the tenant that has the key `id`, and returns that key.

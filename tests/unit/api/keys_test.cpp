@@ -3,7 +3,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/jobs/auth/key_changes.h"
+#include "server/jobs/auth/api_key.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {
