@@ -194,7 +194,7 @@ class OpenApiRoutes(DaemonTest):
 
     def test_every_list_has_limit_after_and_next(self):
         lists = [one for one in self.operations() if one[2]["operationId"].startswith("list")]
-        self.assertEqual(len(lists), 9)
+        self.assertEqual(len(lists), 10)
         for method, template, operation, parameters in lists:
             with self.subTest(template):
                 self.assertLessEqual({"limit", "after"}, set(parameters))
