@@ -864,7 +864,7 @@ test.describe("with keys", () => {
     const added = await shownKey.inputValue();
     expect(await statusOf(added)).toBe(200);
     const row = card.locator(`tr:has-text("guest ${added.split("_")[1]}")`);
-    await expect(row).toContainText(/Tenant.*Requests a minute: 600.*Stored bytes: 20.*live/);
+    await expect(row).toContainText(/Tenant.*Stored bytes: 20.*Requests a minute: 600.*live/);
     for (const colorScheme of ["light", "dark"]) {
       await page.emulateMedia({ colorScheme, reducedMotion: "reduce" });
       expect(await seriousFindings(page), colorScheme).toEqual([]);
