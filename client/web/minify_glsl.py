@@ -68,7 +68,7 @@ def scoped_words(text):
 
 
 def renamed(text, kept):
-    """Names of the whole text and of members are the shorter the more they are used. Those of a function are letters in
+    """Names of the whole text and of members are the shorter the more they are used. Names in a function are letters in
     the order of their use: the same in each function, which compresses well."""
     kept = LANGUAGE | kept | {word for line in text.split("\n") if line.lstrip().startswith("#")
                               for word in WORD.findall(line)}

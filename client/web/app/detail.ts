@@ -4,7 +4,7 @@ import type { Box, Seen, Vec3 } from "../view/viewer";
 // Cells on a side that are shown at most; of a part, most of which is empty.
 const SHOWN_SIDE_MAX = 1024,
   PART_SIDE_MAX = 2048;
-// Of the box in view, on each side: the camera may move so far before another part is fetched.
+// Share of the box in view on each side: the camera may move so far before another part is fetched.
 const MARGIN = 0.25;
 
 /** The level at which so many cells on a side are at most `most`. */

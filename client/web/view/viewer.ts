@@ -32,7 +32,7 @@ export interface Section {
 /** Cells [least, greatest + 1) of a grid. */
 export type Box = readonly [Vec3, Vec3];
 
-/** What the canvas shows of the grid. */
+/** The cells of the grid that the canvas shows. */
 export interface Seen {
   readonly all: Box; // the occupied cells' box, as far as it lies in the image
   readonly front: Box; // around the voxels in front that a lattice of rays finds

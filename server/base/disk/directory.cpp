@@ -212,12 +212,18 @@ Result<std::vector<std::string>> directory_names(const std::filesystem::path& pa
 }
 
 void remove_tree(const std::filesystem::path& path) noexcept {
-  {
-    const OpenDirectory directory = enter(AT_FDCWD, path.c_str());
-    if (directory == nullptr) return;
-    TreeRemoval(directory.get()).run();
+  // A process that has just been killed may still create files.
+  constexpr int kTries = 6;
+  constexpr std::chrono::milliseconds kFirstPause{10};
+  for (int tries = 0; tries < kTries; ++tries) {
+    if (tries > 0) std::this_thread::sleep_for(kFirstPause * (1 << tries));
+    {
+      const OpenDirectory directory = enter(AT_FDCWD, path.c_str());
+      if (directory == nullptr) return;
+      TreeRemoval(directory.get()).run();
+    }
+    if (::rmdir(path.c_str()) == 0 || (errno != ENOTEMPTY && errno != EEXIST)) return;
   }
-  ::rmdir(path.c_str());
 }
 
 Result<int64_t> tree_bytes(const std::filesystem::path& path) {

@@ -58,8 +58,8 @@ class Supervisor {
   // than before.
   void keep_reserve(int workers_per_device);
   int reserve() const;
-  // Runs so many more workers of one device. Where there were more, those of the highest slots are
-  // not started again once they end.
+  // Runs so many more workers of one device. If there were more, those of
+  // the highest slots are not started again once they end.
   void set_extra(const std::string& device, int workers);
   // SIGKILL to a worker of ours, and at once the next one in its slot: that counts as no restart.
   void replace(int64_t pid);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <fstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "server/base/disk/file.h"
@@ -127,6 +128,18 @@ TEST(Guard, an_exception_ends_only_the_guarded_call) {
   EXPECT_TRUE(guarded("a test", [] {}));
   EXPECT_FALSE(guarded("a test", [] { throw std::bad_alloc(); }));
   EXPECT_EQ(exception_error(std::bad_alloc()).detail, "std::bad_alloc");
+}
+
+TEST(Directory, a_tree_goes_though_files_are_created_in_it_meanwhile) {
+  const testing::TemporaryDir dir;
+  const fs::path tree = dir.path() / "tree";
+  ASSERT_TRUE(fs::create_directories(tree / "out"));
+  std::thread writer([&] {
+    for (int i = 0; i < 2000; ++i) std::ofstream(tree / "out" / std::to_string(i)) << i;
+  });
+  remove_tree(tree);
+  writer.join();
+  EXPECT_FALSE(fs::exists(tree));
 }
 
 }  // namespace
