@@ -26,7 +26,7 @@ CONDITION = re.compile(r"\s*#\s*(if|ifdef|ifndef|elif|undef)\b")
 CONSTANT = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(-?\d[\w.]*)[ \t]*$", re.M)
 TYPE_ALIAS = re.compile(r"^#define (double|dvec[234]) (\w+)$")
 TOKEN = re.compile(r"^[ \t]*#.*$|\.?\b[A-Za-z_]\w*\b|[{}();]", re.M)
-# Of names by their scope: no letters that may be taken for components of vectors, and none of both kinds.
+# First letters of names by their scope: members have none that components of vectors have.
 FIRST_LETTERS = {"": string.ascii_uppercase, ".": "cdefhijklmnouv"}
 PUNCTUATION = re.compile(r"\s*([-+*/%=<>!&|^?:;,(){}\[\]])\s*")
 
