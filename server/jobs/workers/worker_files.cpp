@@ -71,10 +71,6 @@ Result<std::string> copied(const fs::path& blob, const fs::path& given) {
 
 }  // namespace
 
-WorkerFiles::~WorkerFiles() {
-  remove_tree(root_);  // the next start removes what stays
-}
-
 Status WorkerFiles::create() const {
   ::signal(SIGIO, SIG_IGN);  // comes when a lease of check_closed() is broken, and would kill
   for (const char* name : {kInput, kOutput, kCache, kTaken}) {
@@ -123,6 +119,10 @@ Result<fs::path> WorkerFiles::take(const std::string& output) const {
 
 void WorkerFiles::clear() const {
   for (const char* name : {kInput, kOutput, kTaken}) empty_folder(root_ / name);
+}
+
+void WorkerFiles::remove() const noexcept {
+  remove_tree(root_);
 }
 
 }  // namespace voxeld

@@ -20,9 +20,6 @@ namespace voxeld {
 class WorkerFiles {
  public:
   explicit WorkerFiles(std::filesystem::path root) : root_(std::move(root)) {}
-  ~WorkerFiles();
-  WorkerFiles(const WorkerFiles&) = delete;
-  WorkerFiles& operator=(const WorkerFiles&) = delete;
 
   // Makes the folders. Again: nothing.
   Status create() const;
@@ -36,6 +33,8 @@ class WorkerFiles {
   Result<std::filesystem::path> take(const std::string& output) const;
   // At the end of a task: its inputs and what it left go.
   void clear() const;
+  // At the end of the worker. The daemon's next start removes what stays.
+  void remove() const noexcept;
 
  private:
   const std::filesystem::path root_;

@@ -123,6 +123,7 @@ void WorkerSession::run() noexcept {
   put_back(status ? Error{} : std::move(status).error());
   socket_.shutdown();  // a worker that broke the protocol must notice
   leave();
+  files_.remove();
   has_ended_ = true;
 }
 
