@@ -7,7 +7,7 @@
 namespace voxeld::shaders {
 
 struct EmbeddedShader {
-  std::string_view name;    // below shaders/: "lib/dda.glsl"
+  std::string_view name;    // below shaders/: "raymarch/dda.glsl"
   std::string_view sha256;  // of the text, 64 hexadecimal digits
   std::string_view text;
 };

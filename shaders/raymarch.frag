@@ -1,20 +1,20 @@
-// Ray march through a sparse grid, see lib/march.glsl. With RAYMARCH_HITS the pass returns the
+// Ray march through a sparse grid, see raymarch/march.glsl. With RAYMARCH_HITS the pass returns the
 // voxel that each pixel's ray hits first; otherwise it renders. Then RAYMARCH_ATTRIBUTES (voxels
 // have colours or normals), RAYMARCH_SMOOTH (normals are estimated), RAYMARCH_LIGHT (there is
 // ambient occlusion or a shadow), RAYMARCH_GROUND (there is a floor) and RAYMARCH_OUTLINE (there
 // are outlines and nothing else) are 0 or 1. They are defines, because software drivers execute
 // code behind a condition even if no invocation takes it.
 #include "shared/raymarch.h"
-#include "lib/dda.glsl"
-#include "lib/dda_brick.glsl"
-#include "lib/dda_normal.glsl"
-#include "lib/march_tree.glsl"
-#include "lib/march.glsl"
-#include "lib/march_light.glsl"
-#include "lib/march_ground.glsl"
-#include "lib/march_normal.glsl"
-#include "lib/shading.glsl"
-#include "lib/march_attributes.glsl"
+#include "raymarch/dda.glsl"
+#include "raymarch/dda_brick.glsl"
+#include "raymarch/dda_normal.glsl"
+#include "raymarch/march_tree.glsl"
+#include "raymarch/march.glsl"
+#include "raymarch/march_light.glsl"
+#include "raymarch/march_ground.glsl"
+#include "raymarch/march_normal.glsl"
+#include "raymarch/shading.glsl"
+#include "raymarch/march_attributes.glsl"
 
 layout(std140, binding = RAYMARCH_PARAMS) uniform Params { RaymarchParams params; };
 layout(std430, binding = RAYMARCH_NODES) readonly buffer Nodes { uint nodes[]; };

@@ -47,7 +47,8 @@ def make_shader(folder):
     subprocess.run([sys.executable, "-B", str(SHADERS / "glsl_to_es.py"), str(path)], check=True)
     text = path.read_text(encoding="utf-8")
     path.write_text(minified(text, set(UNIFORM.findall(text)), NEVER_DEFINED), encoding="utf-8")
-    return sorted(path for kind in ("*.frag", "lib/*.glsl", "shared/*.h", "glsl_to_*.py") for path in SHADERS.glob(kind))
+    kinds = ("raymarch.frag", "raymarch/*.glsl", "shared/*.h", "glsl_to_*.py")
+    return sorted(path for kind in kinds for path in SHADERS.glob(kind))
 
 
 def hashed(name, data):

@@ -50,7 +50,7 @@ class ShaderLibrary {
   // Compiles a program, or returns the cached one of the same files and defines. NO_INT64
   // (shader_source.h) is added on devices without 64-bit integers. The pointer stays valid as long
   // as the library. Errors: internal with the driver's log, its line numbers mapped back to
-  // "lib/dda.glsl:17".
+  // "raymarch/dda.glsl:17".
   Result<const Program*> get(std::vector<ShaderStage> stages, const Defines& defines = {});
 
   // Rebuilds every program from the current sources. The new programs are used only if all of them

@@ -33,7 +33,7 @@ struct ResolvedShader {
   std::vector<Line> lines;  // one per line of text
 };
 
-// Returns the text of a file by its name below shaders/, e.g. "lib/dda.glsl". Errors: internal.
+// Returns the text of a file by its name below shaders/, as "raymarch/dda.glsl". Errors: internal.
 using ShaderReader = std::function<Result<std::string>(std::string_view name)>;
 
 // Expands `file`. Names in #include "..." are below shaders/; a leading "shaders/" is dropped, so
@@ -44,7 +44,7 @@ Result<ResolvedShader> resolve_shader(std::string_view file, const Defines& defi
                                       const ShaderReader& read);
 
 // Replaces line numbers in a compiler's log: "0:57(5): error" (Mesa), "0(57) : error" (NVIDIA) and
-// "ERROR: 0:57:" (glslang) become "lib/dda.glsl:17…". Other lines stay.
+// "ERROR: 0:57:" (glslang) become "raymarch/dda.glsl:17…". Other lines stay.
 std::string name_files_in_log(std::string_view log, const ResolvedShader& shader);
 
 // Reads a source that is built into the binary.

@@ -1,5 +1,5 @@
-// The first voxel on a ray, by a walk through the tables as shaders/lib/dda.glsl and march.glsl do
-// it, in double precision.
+// The first voxel on a ray, by a walk through the tables as in dda.glsl and march.glsl of
+// shaders/raymarch, in double precision.
 import type { ImageRays } from "./camera/image_rays";
 import type { Vec4 } from "./camera/matrix";
 import { DISTANCE_STEPS } from "./decode/channels";

@@ -6,7 +6,7 @@
 
 namespace voxeld {
 namespace glsl {
-#include "shaders/lib/dda_brick.glsl"
+#include "shaders/raymarch/dda_brick.glsl"
 }  // namespace glsl
 
 TEST(DdaBrick, bits_stand_in_morton_order) {

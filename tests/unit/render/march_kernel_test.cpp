@@ -24,11 +24,11 @@ using namespace glsl;  // NOLINT(google-build-using-namespace)
 using shared::uint;
 // Each needs the names of those before.
 // clang-format off
-#include "shaders/lib/dda.glsl"
-#include "shaders/lib/dda_brick.glsl"
-#include "shaders/lib/march_tree.glsl"
-#include "shaders/lib/march.glsl"
-#include "shaders/lib/march_light.glsl"
+#include "shaders/raymarch/dda.glsl"
+#include "shaders/raymarch/dda_brick.glsl"
+#include "shaders/raymarch/march_tree.glsl"
+#include "shaders/raymarch/march.glsl"
+#include "shaders/raymarch/march_light.glsl"
 // clang-format on
 uint node_word(uint index) {
   return packed->nodes[index];

@@ -1,5 +1,5 @@
-// Marches of many rays at a time, a lane for each: march() of shaders/lib/march.glsl, with the same
-// bits.
+// Marches of many rays at a time, a lane for each: march() of shaders/raymarch/march.glsl, with the
+// same bits.
 #pragma once
 
 #include <array>

@@ -1,6 +1,6 @@
 // The kernel of march_kernel.h for one instruction set. Operations and their order are those of
-// shaders/lib/dda.glsl, march.glsl and march_tree.glsl, whose comments explain them: the bits of
-// every distance are the same.
+// shaders/raymarch/dda.glsl, march.glsl and march_tree.glsl, whose comments explain them: the bits
+// of every distance are the same.
 #pragma once
 
 #include <bit>
