@@ -31,7 +31,10 @@ inline constexpr int kGltfNodeDepthMax = 512;
 // Bundles. Larger: malformed-bundle.
 inline constexpr int kBundleEntriesMax = 1'000;
 inline constexpr int64_t kBundleInflatedBytesMax = int64_t{8} << 30;
-inline constexpr int kBundleRatioMax = 200;  // inflated over stored, per entry above 1 MiB
+// Inflated over stored, of an entry above 1 MiB. Images of a greater ratio, which are uncompressed
+// and of one colour, may have kBundleFlatBytesMax in all.
+inline constexpr int kBundleRatioMax = 200;
+inline constexpr int64_t kBundleFlatBytesMax = int64_t{256} << 20;
 
 // Textures. Larger ones are omitted, with a warning that names them.
 inline constexpr int64_t kImagePixelsMax = int64_t{16384} * 16384 / 4;  // 67 Mpx, 268 MB as RGBA8

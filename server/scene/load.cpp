@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/text/text_file.h"
 #include "server/scene/core/animated_scene.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/ply/ply.h"
@@ -46,8 +47,15 @@ Result<Scene> load_format(MeshFormat format, std::string_view name, std::span<co
                "a zip"};
 }
 
+// Whether the name is that of a 3MF package, which is a zip.
+bool is_package(std::string_view name) {
+  constexpr std::string_view kExtension = ".3mf";
+  return name.size() > kExtension.size() &&
+         equals_ignoring_case(name.substr(name.size() - kExtension.size()), kExtension);
+}
+
 // Whether the name is that of a mesh file, and not one that macOS or an editor left behind.
-bool is_mesh_entry(std::string_view name) {
+bool is_mesh_entry(std::string_view name, bool wants_package) {
   for (size_t begin = 0; begin < name.size();) {
     const size_t end = std::min(name.find('/', begin), name.size());
     const std::string_view part = name.substr(begin, end - begin);
@@ -55,7 +63,8 @@ bool is_mesh_entry(std::string_view name) {
     begin = end + 1;
   }
   const auto format = detect_format(name, {});
-  return format && *format != MeshFormat::kZip;
+  return format &&
+         (*format == MeshFormat::kZip ? wants_package && is_package(name) : !wants_package);
 }
 
 std::string listed(const std::vector<std::string>& names) {
@@ -72,7 +81,12 @@ std::string listed(const std::vector<std::string>& names) {
 std::vector<std::string> names_of(const Bundle& bundle, bool meshes_only) {
   std::vector<std::string> names;
   for (const Bundle::Entry& entry : bundle.entries()) {
-    if (!meshes_only || is_mesh_entry(entry.name)) names.push_back(entry.name);
+    if (!meshes_only || is_mesh_entry(entry.name, false)) names.push_back(entry.name);
+  }
+  // Downloads often have a model as STL and as 3MF, so packages count where nothing else is there.
+  if (!names.empty() || !meshes_only) return names;
+  for (const Bundle::Entry& entry : bundle.entries()) {
+    if (is_mesh_entry(entry.name, true)) names.push_back(entry.name);
   }
   return names;
 }
@@ -137,6 +151,12 @@ Result<Loaded> load_bundle(std::string_view filename, std::string_view kind, con
   VOXELD_ASSIGN(const std::optional<std::vector<uint8_t>> mesh, bundle.find(name, ""));
   if (!mesh) return Error{ErrorCode::kInternal, name + ": lost in the bundle", "", ""};
   VOXELD_ASSIGN(const MeshFormat format, detect_format(name, *mesh));
+  if (format == MeshFormat::kZip && is_package(name)) {
+    VOXELD_ASSIGN(const std::unique_ptr<Bundle> package, zip_bundle(*mesh));
+    VOXELD_ASSIGN(const auto model_name, find_3mf_model(*package));
+    VOXELD_ASSIGN(const auto model, package->find(model_name.value_or(""), ""));
+    if (model) return load(MeshFormat::k3mf, *model_name, *model, *package, options);
+  }
   return load(format, name, *mesh, bundle, options);
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "proto/text/text_file.h"
 #include "server/base/cancel_point.h"
 #include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
@@ -65,6 +66,16 @@ class FilesBundle final : public Bundle {
 };
 
 }  // namespace
+
+bool is_image_name(std::string_view name) {
+  const size_t dot = name.rfind('.');
+  if (dot == name.npos) return false;
+  for (const std::string_view extension :
+       {"png", "jpg", "jpeg", "tga", "bmp", "dds", "webp", "hdr", "tif", "tiff", "gif"}) {
+    if (equals_ignoring_case(name.substr(dot + 1), extension)) return true;
+  }
+  return false;
+}
 
 std::unique_ptr<Bundle> files_bundle(const std::vector<BundledFile>& files) {
   return std::make_unique<FilesBundle>(files);
@@ -266,8 +277,9 @@ class ZipBundle final : public Bundle {
                        "at most " + std::to_string(archive_bytes_) + " bytes",
                        std::to_string(stat.comp_size));
     }
-    if (stat.size > kRatioCheckedFromBytes &&
-        stat.size / limits::kBundleRatioMax > stat.comp_size) {
+    const bool is_flat =
+        stat.size > kRatioCheckedFromBytes && stat.size / limits::kBundleRatioMax > stat.comp_size;
+    if (is_flat && !takes_flat(name, stat.size)) {
       return malformed(where + ": inflates too much",
                        "at most " + std::to_string(limits::kBundleRatioMax) + " times",
                        std::to_string(stat.comp_size) + " bytes to " + std::to_string(stat.size));
@@ -292,6 +304,14 @@ class ZipBundle final : public Bundle {
     }
     if (!normalized_name(name)) return malformed(where + " has an absolute or empty path");
     return {};
+  }
+
+  // Whether an entry above kBundleRatioMax may be.
+  bool takes_flat(std::string_view name, uint64_t bytes) {
+    constexpr uint64_t kMax = limits::kBundleFlatBytesMax;
+    if (!is_image_name(name) || bytes > kMax - flat_bytes_) return false;
+    flat_bytes_ += bytes;
+    return true;
   }
 
   Status check_is_file(zip_uint64_t index, const std::string& where) {
@@ -363,6 +383,7 @@ class ZipBundle final : public Bundle {
   ZipPointer archive_;
   uint64_t archive_bytes_;
   int64_t all_bytes_ = 0;               // of all entries, inflated
+  uint64_t flat_bytes_ = 0;             // of those above kBundleRatioMax, which are images
   mutable int64_t inflated_bytes_ = 0;  // so far
   std::vector<Entry> entries_;          // files only
   std::vector<std::string> written_names_;

@@ -15,6 +15,9 @@
 
 namespace voxeld {
 
+// Whether a file is an image by the extension of its name.
+bool is_image_name(std::string_view name);
+
 // The files of one upload: a single mesh, a zip with a mesh and its files, or the files of several
 // uploads. FileNames (proto/file_names) tells which file a reference means. Nothing outside the
 // upload is ever opened.

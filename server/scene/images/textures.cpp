@@ -12,16 +12,6 @@
 namespace voxeld {
 namespace {
 
-bool is_image_name(std::string_view name) {
-  const size_t dot = name.rfind('.');
-  if (dot == name.npos) return false;
-  for (const std::string_view extension :
-       {"png", "jpg", "jpeg", "tga", "bmp", "dds", "webp", "hdr", "tif", "tiff", "gif"}) {
-    if (equals_ignoring_case(name.substr(dot + 1), extension)) return true;
-  }
-  return false;
-}
-
 // Adds an image. In an inspection it has a name but no pixels.
 int add_image(Scene& scene, Image image) {
   scene.images.push_back(std::move(image));
@@ -81,6 +71,21 @@ std::optional<std::string> only_image(const Bundle& bundle) {
     found = entry.name;
   }
   return found;
+}
+
+void prefer_textures(Scene& scene, std::string_view name) {
+  size_t count = 0;
+  for (MeshPart& part : scene.parts) {
+    const bool has_texture = part.material >= 0 && !part.uvs.empty() &&
+                             scene.materials[static_cast<size_t>(part.material)].image >= 0;
+    if (!has_texture || part.colors.empty()) continue;
+    free_in_pieces(part.colors);
+    ++count;
+  }
+  if (count == 0) return;
+  add_warning(scene, "ignored-colors",
+              std::string(name) + ": vertex colours of " + std::to_string(count) +
+                  " parts with a texture were left out");
 }
 
 int TextureSet::image_index(std::string_view reference, std::string_view needed_by) {

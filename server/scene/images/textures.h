@@ -17,6 +17,11 @@ namespace voxeld {
 // and for several.
 std::optional<std::string> only_image(const Bundle& bundle);
 
+// Drops vertex colours of parts that have a texture, with the warning "ignored-colors". For formats
+// that do not say how both go together: scanners write the same colours twice, and viewers show the
+// texture alone.
+void prefer_textures(Scene& scene, std::string_view name);
+
 // Decodes each texture once. One per load; not thread-safe; scene and bundle must outlive it.
 class TextureSet {
  public:

@@ -54,7 +54,19 @@ class MtlReader {
       MtlMaterial options;
       material.map_d = read_map(words, options);
       material.map_d_channel = imfchan_;
+    } else if (is_other_map(keyword)) {
+      material.other_maps.emplace_back(words.rest());
     }
+  }
+
+  static bool is_other_map(std::string_view keyword) {
+    if (equals_ignoring_case(keyword.substr(0, 4), "map_")) {
+      return !equals_ignoring_case(keyword, "map_Ka");  // some programs write it for map_Kd
+    }
+    for (const std::string_view known : {"bump", "norm", "disp", "decal", "refl"}) {
+      if (equals_ignoring_case(keyword, known)) return true;
+    }
+    return false;
   }
 
   void warn(std::string_view what, std::string_view got) {

@@ -26,10 +26,12 @@ struct MtlMaterial {
   std::string map_kd;              // file name as written, including a possible comment; empty:
                                    // none
   std::string map_d;               // likewise
-  char map_d_channel = 0;          // of map_d's "-imfchan": r, g, b, m or l; 0: none is given
-  glm::vec2 map_scale{1.0f};       // "-s"
-  glm::vec2 map_offset{0.0f};      // "-o"
-  bool map_clamp = false;          // "-clamp on"
+  // Of statements that give no colour, such as map_Bump: their text as written.
+  std::vector<std::string> other_maps;
+  char map_d_channel = 0;      // of map_d's "-imfchan": r, g, b, m or l; 0: none is given
+  glm::vec2 map_scale{1.0f};   // "-s"
+  glm::vec2 map_offset{0.0f};  // "-o"
+  bool map_clamp = false;      // "-clamp on"
 };
 
 // Reads materials in the order of the file. It never fails, because a mesh without its colours is

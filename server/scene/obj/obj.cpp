@@ -36,6 +36,7 @@ constexpr float kUnitColorMax = 1.5f;
 constexpr size_t kLibraryNamesMax = 100;
 constexpr size_t kLibraryNameWordsMax = 16;
 constexpr size_t kMapWordsMax = 16;
+constexpr size_t kOtherMapsMax = 1000;
 
 class ObjLoader {
  public:
@@ -69,6 +70,7 @@ class ObjLoader {
       corner += face.corner_count;
     }
     assume_texture();
+    prefer_textures(scene_, name_);
     free_in_pieces(file_.positions);
     free_in_pieces(file_.colors);
     free_in_pieces(file_.uvs);
@@ -295,14 +297,37 @@ class ObjLoader {
     return {linear_from_srgb(glm::vec3(color)), unit_clamped(alpha)};
   }
 
+  // What a statement of a material file takes the image for.
+  enum class ImageUse { kNone, kColor, kOther };
+  ImageUse use_of(const std::string& image) const {
+    size_t count = 0;
+    const auto is_it = [&](const std::string& text) {
+      if (text.empty() || ++count > kOtherMapsMax) return false;
+      const auto found = bundle_.resolve(texture_name(text), name_);
+      return found && bundle_.entries()[found->index].name == image;
+    };
+    ImageUse use = ImageUse::kNone;
+    for (const auto& [name, material] : library_) {
+      for (const std::string& text : material.other_maps) {
+        if (is_it(text)) return ImageUse::kOther;
+      }
+      if (is_it(material.map_kd) || is_it(material.map_d)) use = ImageUse::kColor;
+    }
+    return use;
+  }
+
   void assume_texture() {
     if (any_map_) return;
     const std::optional<std::string> image_name = only_image(bundle_);
     if (!image_name) return;
+    const ImageUse use = use_of(*image_name);
+    if (use == ImageUse::kOther) return;
     int image = -1;
     int plain_material = -1;
-    for (MeshPart& part : scene_.parts) {
-      if (part.uvs.empty()) continue;
+    for (size_t p = 0; p < scene_.parts.size(); ++p) {
+      MeshPart& part = scene_.parts[p];
+      // The texture of other materials is not that of one which is there and has none.
+      if (part.uvs.empty() || (use == ImageUse::kColor && maps_[p] != nullptr)) continue;
       if (image < 0) image = textures_.image_index(*image_name, name_);
       if (image < 0) return;
       if (part.material < 0 && plain_material < 0) {

@@ -42,6 +42,7 @@ class ObjReader {
       VOXELD_TRY(read_statement(next_line()));
     }
     VOXELD_TRY(check_corners());
+    take_polypaint();
     warn_dropped();
     return std::move(file_);
   }
@@ -131,6 +132,7 @@ class ObjReader {
   Status read_statement(std::string_view text) {
     LineCursor line(text);
     const std::string_view keyword = line.token();
+    if (keyword == "#MRGB") read_polypaint(line.token());
     if (keyword.empty() || keyword[0] == '#') return {};
     if (keyword == "v") return read_vertex(line);
     if (keyword == "f" || keyword == "fo") return read_face(line);
@@ -216,6 +218,29 @@ class ObjReader {
       push_in_pieces(file_.colors, glm::vec4(-1.0f));
     }
     return {};
+  }
+
+  // ZBrush's colours: in comments, 8 hexadecimal digits MMRRGGBB for each vertex in their order, at
+  // most 64 in a line. MM is a mask.
+  void read_polypaint(std::string_view text) {
+    constexpr size_t kDigits = 8;
+    for (; text.size() >= kDigits; text.remove_prefix(kDigits)) {
+      uint32_t value = 0;
+      const char* const end = text.data() + kDigits;
+      const auto [stop, error] = std::from_chars(text.data(), end, value, 16);
+      if (error != std::errc() || stop != end) return;
+      push_in_pieces(polypaint_, value);
+    }
+  }
+
+  void take_polypaint() {
+    if (!file_.colors.empty() || polypaint_.size() != file_.positions.size()) return;
+    for (const uint32_t color : polypaint_) {
+      cancel_point();
+      push_in_pieces(
+          file_.colors,
+          glm::vec4(glm::vec3(color >> 16 & 255, color >> 8 & 255, color & 255) / 255.0f, 1.0f));
+    }
   }
 
   Status read_uv(LineCursor& line) {
@@ -439,6 +464,7 @@ class ObjReader {
   bool state_changed_ = true;
   Attribute uv_{"texture coordinate index", {}, {}}, normal_{"normal index", {}, {}};
   Dropped bad_colors_;
+  std::vector<uint32_t> polypaint_;  // MMRRGGBB
   int64_t triangle_count_ = 0;
   std::map<ObjState, uint32_t> states_;
   std::map<std::string, uint32_t, std::less<>> material_numbers_, name_numbers_;

@@ -266,9 +266,12 @@ class PlyBodyReader {
                          std::max({max.x, max.y, max.z}));
     const ColorRange alpha(roles.types[kAlpha], max.w);
     warn_of_range(of, "colours (sRGB)", rgb);
-    if (roles.given[kAlpha] && alpha.full() != rgb.full()) warn_of_range(of, "alpha", alpha);
+    // Some programs write an alpha that they never set.
+    const bool has_alpha = roles.given[kAlpha] && max.w > 0.0f;
+    mesh_.is_alpha_dropped = mesh_.is_alpha_dropped || has_alpha != roles.given[kAlpha];
+    if (has_alpha && alpha.full() != rgb.full()) warn_of_range(of, "alpha", alpha);
     for (glm::vec4& color : colors) {
-      const float a = roles.given[kAlpha] ? unit_clamped(color.w * (1.0f / alpha.full())) : 1.0f;
+      const float a = has_alpha ? unit_clamped(color.w * (1.0f / alpha.full())) : 1.0f;
       color = {rgb.linear(color.x), rgb.linear(color.y), rgb.linear(color.z), a};
     }
   }

@@ -30,6 +30,7 @@ struct PlyMesh {
   std::vector<int> face_textures;      // "texnumber"
   int64_t skipped_face_count = 0;      // with fewer than 3 corners
   std::vector<std::string> color_warnings;
+  bool is_alpha_dropped = false;  // it is 0 everywhere, so colours have alpha 1
 };
 
 // Reads all elements; unknown elements and properties are skipped. Colours are red, green and blue,

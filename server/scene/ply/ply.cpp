@@ -126,6 +126,10 @@ Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes, co
   for (std::string& warning : mesh.color_warnings) {
     add_warning(scene, "color-range", std::move(warning));
   }
+  if (mesh.is_alpha_dropped) {
+    add_warning(scene, "assumed-opaque",
+                std::string(name) + ": alpha is 0 everywhere; the colours are taken as opaque");
+  }
   TriangleData triangles;
   VOXELD_ASSIGN(MeshPart part, shared_part(name, mesh, triangles));
   const bool has_uvs = !part.uvs.empty() || !triangles.corner_uvs.empty();
@@ -136,6 +140,7 @@ Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes, co
     const std::string& file = header.texture_files[i];
     scene.materials.push_back({.name = file, .image = textures.image_index(file, name)});
   }
+  prefer_textures(scene, name);
   return scene;
 }
 

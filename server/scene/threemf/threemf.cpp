@@ -1,9 +1,13 @@
 // Loads a 3MF package: the objects of its build, with the colours of base materials, colour groups
 // and textures. Additions of slicers (settings, thumbnails, paint) are ignored.
+#include <algorithm>
 #include <map>
+#include <optional>
+#include <span>
 #include <string>
 #include <tuple>
 #include <utility>
+#include <vector>
 
 #include <glm/matrix.hpp>
 
@@ -31,6 +35,9 @@ constexpr int kComponentDepthMax = 64;
 // Components that are followed. More: malformed-mesh. Each level of a file may double them.
 constexpr size_t kPlacedObjectsMax = size_t{1} << 20;
 constexpr std::string_view kRelationships = "_rels/.rels";
+// PrusaSlicer and programs made from it put modifiers, support blockers and negative volumes into
+// the mesh of their object, and tell here which triangles these are.
+constexpr std::string_view kSlicerVolumes = "Metadata/Slic3r_PE_model.config";
 constexpr std::string_view kModelType =
     "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 
@@ -55,6 +62,48 @@ struct OpenPart {
   VertexTable vertices = VertexTable();
 };
 
+struct TriangleRange {
+  uint32_t first = 0, last = 0;
+};
+using VolumeRanges = std::map<uint32_t, std::vector<TriangleRange>>;  // by object, ascending
+
+// The triangles of the first model part that are no part of the model. A file that is broken says
+// nothing.
+Result<VolumeRanges> read_helper_volumes(const Bundle& bundle) {
+  VolumeRanges ranges;
+  VOXELD_ASSIGN(const auto bytes, bundle.find(kSlicerVolumes, ""));
+  if (!bytes) return ranges;
+  std::optional<uint32_t> object, first, last;
+  bool is_part = true;
+  threemf::XmlHandlers handlers;
+  handlers.start = [&](const threemf::XmlElement& at) -> Status {
+    const auto number = [&](std::string_view name) {
+      return parse_number<uint32_t>(at.attribute(name).value_or(""));
+    };
+    if (at.name == "object") object = number("id");
+    if (at.name == "volume") {
+      first = number("firstid");
+      last = number("lastid");
+      is_part = true;
+    }
+    if (at.name != "metadata" || at.attribute("type") != "volume") return {};
+    const std::string_view key = at.attribute("key").value_or("");
+    const std::string_view value = at.attribute("value").value_or("");
+    if (key == "modifier" && value == "1") is_part = false;  // of older versions
+    if (key == "volume_type") is_part = value == "ModelPart";
+    return {};
+  };
+  handlers.end = [&](std::string_view, std::string_view name) -> Status {
+    if (name == "volume" && !is_part && object && first && last && *first <= *last) {
+      ranges[*object].push_back({*first, *last});
+    }
+    return {};
+  };
+  if (!threemf::read_xml(kSlicerVolumes, *bytes, handlers)) return VolumeRanges();
+  for (auto& [id, list] : ranges) std::ranges::sort(list, {}, &TriangleRange::first);
+  return ranges;
+}
+
 class PackageLoader {
  public:
   PackageLoader(std::string_view name, const Bundle& bundle, const LoadOptions& options)
@@ -68,6 +117,7 @@ class PackageLoader {
     scene_.format = "3mf";
     VOXELD_ASSIGN(Model start, threemf::read_model(name_, bytes));
     const Model& model = keep(std::string(name_), std::move(start));
+    VOXELD_ASSIGN(helper_volumes_, read_helper_volumes(bundle_));
     for (size_t i = 0; i < model.items.size(); ++i) {
       item_ = i;
       VOXELD_TRY(place(model, model.items[i], glm::dmat4(1.0), 0));
@@ -76,6 +126,11 @@ class PackageLoader {
       add_warning(scene_, "skipped-object",
                   std::string(name_) + ": " + std::to_string(skipped_count_) +
                       " objects of supports or of type other were left out");
+    }
+    if (helper_triangle_count_ > 0) {
+      add_warning(scene_, "skipped-object",
+                  std::string(name_) + ": " + std::to_string(helper_triangle_count_) +
+                      " triangles of modifiers, supports or negative volumes were left out");
     }
     if (scene_.triangle_count() > 0) return std::move(scene_);
     return empty_mesh(name_, model.items.empty() ? "no item in the build" : "no triangles in it");
@@ -153,8 +208,17 @@ class PackageLoader {
     }
     const bool is_mirrored = glm::determinant(glm::dmat3(world_from_object)) < 0.0;
     std::map<Surface, OpenPart> open;
+    const auto found =
+        helper_volumes_.find(model.name == name_ ? id : 0);  // identifiers begin at 1
+    std::span<const TriangleRange> helpers;
+    if (found != helper_volumes_.end()) helpers = found->second;
     for (size_t i = 0; i + 2 < object.corners.size(); i += 3) {
       cancel_point();
+      while (!helpers.empty() && helpers.front().last < i / 3) helpers = helpers.subspan(1);
+      if (!helpers.empty() && helpers.front().first <= i / 3) {
+        ++helper_triangle_count_;
+        continue;
+      }
       std::array<Property, 3> properties;
       properties.fill(object.property);
       if (!object.properties.empty()) std::copy_n(&object.properties[i], 3, properties.begin());
@@ -284,6 +348,8 @@ class PackageLoader {
   std::map<Surface, size_t> part_of_surface_;
   size_t item_ = 0;  // that is being placed
   size_t placed_count_ = 0, skipped_count_ = 0;
+  VolumeRanges helper_volumes_;
+  int64_t helper_triangle_count_ = 0;
   int64_t triangle_count_ = 0, vertex_count_ = 0;
 };
 

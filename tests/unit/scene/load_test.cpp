@@ -64,6 +64,29 @@ TEST(LoadScene, a_zip_inside_a_zip_is_refused) {
             "a.obj: a zip inside a zip: expected a mesh, got a zip");
 }
 
+TEST(LoadScene, a_3mf_package_may_be_in_a_zip) {
+  const std::string package =
+      ZipMaker()
+          .add(
+              "_rels/.rels",
+              "<Relationships><Relationship Target=\"/3D/m.model\" Type=\"http://schemas.microsoft."
+              "com/3dmanufacturing/2013/01/3dmodel\"/></Relationships>")
+          .add("3D/m.model",
+               "<model xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\">"
+               "<resources><object id=\"1\"><mesh><vertices><vertex x=\"0\" y=\"0\" z=\"0\"/>"
+               "<vertex x=\"1\" y=\"0\" z=\"0\"/><vertex x=\"0\" y=\"1\" z=\"0\"/></vertices>"
+               "<triangles><triangle v1=\"0\" v2=\"1\" v3=\"2\"/></triangles></mesh></object>"
+               "</resources><build><item objectid=\"1\"/></build></model>")
+          .bytes();
+  for (const char* name : {"x.zip", "x.zip!files/part.3MF"}) {
+    const auto scene =
+        load_text(name, ZipMaker().add("files/part.3MF", package).add("a.png", "").bytes());
+    ASSERT_TRUE(scene) << scene.error().message();
+    EXPECT_EQ(scene->format, "3mf");
+    EXPECT_EQ(scene->triangle_count(), 1u);
+  }
+}
+
 TEST(LoadScene, a_file_that_is_named_zip_but_is_none_is_refused) {
   EXPECT_EQ(message_of(load_text("x.zip", kObjTriangle)),
             "zip: no end record: truncated, or not a zip");

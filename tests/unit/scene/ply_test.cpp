@@ -455,5 +455,16 @@ TEST(Ply, a_polygon_of_too_many_corners_is_refused) {
             "a.ply line 13: face 0: too many corners: expected at most 65536, got 65537");
 }
 
+TEST(Ply, an_alpha_that_is_0_everywhere_is_none) {
+  for (const char* type : {"uchar", "float"}) {
+    const ReadColors read =
+        read_colors(type, {"red", "green", "blue", "alpha"}, {"1 0 0 0", "0 1 0 0", "0 0 1 0"});
+    for (const std::vector<int>& color : read.bytes) EXPECT_EQ(color.at(3), 255) << type;
+    EXPECT_THAT(read.warnings,
+                testing::Contains("assumed-opaque: a.ply: alpha is 0 everywhere; the colours are "
+                                  "taken as opaque"));
+  }
+}
+
 }  // namespace
 }  // namespace voxeld

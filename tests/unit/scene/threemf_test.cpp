@@ -290,5 +290,30 @@ TEST(ThreeMf, every_truncation_is_an_error) {
   }
 }
 
+// As PrusaSlicer writes a modifier: in the mesh of its object.
+TEST(ThreeMf, volumes_that_only_help_the_slicer_are_left_out) {
+  const std::string text = model(object("1", kTetrahedron), "<item objectid=\"1\"/>");
+  const auto load_with = [&](const std::string& metadata) {
+    return load_text("a.3mf",
+                     package(text)
+                         .add("Metadata/Slic3r_PE_model.config",
+                              "<config><object id=\"1\"><volume firstid=\"0\" lastid=\"2\">"
+                              "<metadata type=\"volume\" key=\"volume_type\" value=\"ModelPart\"/>"
+                              "</volume><volume firstid=\"3\" lastid=\"3\">" +
+                                  metadata + "</volume></object></config>")
+                         .bytes());
+  };
+  for (const char* type : {"ParameterModifier", "NegativeVolume", "SupportBlocker"}) {
+    const auto scene = load_with("<metadata type=\"volume\" key=\"volume_type\" value=\"" +
+                                 std::string(type) + "\"/>");
+    ASSERT_TRUE(scene) << scene.error().message();
+    EXPECT_EQ(scene->triangle_count(), 3u) << type;
+    EXPECT_THAT(codes(*scene), ElementsAre("skipped-object"));
+  }
+  EXPECT_EQ(load_with("<metadata type=\"volume\" key=\"modifier\" value=\"1\"/>")->triangle_count(),
+            3u);
+  EXPECT_EQ(load_with("<broken")->triangle_count(), 4u);
+}
+
 }  // namespace
 }  // namespace voxeld

@@ -107,19 +107,23 @@ TEST(ZipBundle, too_many_entries_are_refused_before_they_are_read) {
             "zip: too many entries: expected at most 1000, got 1001");
 }
 
-TEST(ZipBundle, a_ratio_of_more_than_200_is_refused_above_one_mebibyte) {
-  const auto zip_declaring = [](int64_t bytes) {
+TEST(ZipBundle, a_ratio_of_more_than_200_is_refused_but_for_256_mebibytes_of_images) {
+  const auto zip_declaring = [](int64_t bytes, const char* name) {
     return ZipMaker()
-        .add({.name = "a",
+        .add({.name = name,
               .data = std::string(10'000, 'x'),
               .deflated = true,
               .declared_bytes = bytes})
         .bytes();
   };
-  EXPECT_EQ(open_message(zip_declaring(2'000'000)), "ok");
-  EXPECT_EQ(open_message(zip_declaring(3'000'000)),
+  EXPECT_EQ(open_message(zip_declaring(2'000'000, "a")), "ok");
+  EXPECT_EQ(open_message(zip_declaring(3'000'000, "a")),
             "zip: entry \"a\": inflates too much: expected at most 200 times, got 10005 bytes to "
             "3000000");
+  EXPECT_EQ(open_message(zip_declaring(limits::kBundleFlatBytesMax, "a.TGA")), "ok");
+  EXPECT_EQ(open_message(zip_declaring(limits::kBundleFlatBytesMax + 1, "a.TGA")),
+            "zip: entry \"a.TGA\": inflates too much: expected at most 200 times, got 10005 bytes "
+            "to 268435457");
 }
 
 TEST(ZipBundle, entries_that_claim_more_than_the_zip_are_refused) {

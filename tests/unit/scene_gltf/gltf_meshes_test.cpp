@@ -177,6 +177,16 @@ TEST(GltfMeshes, colours_of_all_types_are_linear) {
   EXPECT_NEAR(only_part(builder.load()).colors[0].w, 0.5, 1e-4);
 }
 
+TEST(GltfMeshes, strides_need_not_be_multiples_of_4) {
+  GltfBuilder builder = triangle();
+  const int colors = builder.add_accessor({255, 0, 0, 0, 255, 0, 0, 0, 255}, 5121, "VEC3", 3);
+  builder.attributes()["COLOR_0"] = colors;
+  builder.json["bufferViews"].back()["byteStride"] = 3;
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(only_part(scene).colors[2], glm::vec4(0, 0, 1, 1));
+}
+
 TEST(GltfMeshes, sparse_accessors_replace_elements) {
   GltfBuilder builder = square();
   const int index_view = builder.add_view({3, 0});
