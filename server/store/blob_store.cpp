@@ -73,27 +73,40 @@ fs::path trash_path(const fs::path& root, BlobState& state) {
   return root / kTrash / std::to_string(++state.trashed);
 }
 
+// Whether the file of a blob is there, as far as is known without reading it.
+bool seems_whole(BlobState& state, const fs::path& file, const std::string& id, int64_t bytes) {
+  const auto stamp = stamp_of(file);
+  return stamp && stamp->bytes == bytes && state.checks.known(id, *stamp).value_or(true);
+}
+
 // Moves a file to its place, synced if `durability` is kNow. An existing file with the same bytes
-// is replaced; its readers keep reading the old one.
+// is replaced; its readers keep reading the old one. A file that is not synced does not replace one
+// that may be: it goes to the trash instead, by as many calls.
 Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& file,
                        const std::string& id, int64_t bytes, Durability durability) {
   const fs::path target = blob_path(root, id);
   BlobInfo info{id, bytes, BlobPins::pin(state.pins, id)};
-  struct stat replaced {};
-  const bool is_new = ::stat(target.c_str(), &replaced) != 0;
-  // Links the old file into the trash; otherwise the rename would free its bytes here, which takes
-  // time. A failure is ignored: on file systems without links, the rename does free them.
-  [[maybe_unused]] const int linked = ::link(target.c_str(), trash_path(root, state).c_str());
-  if (::rename(file.c_str(), target.c_str()) != 0) {
-    return errno_error("move into the store", file);
+  bool stays = false;
+  {
+    const MutexLock placing(state.placing);
+    struct stat replaced {};
+    const bool is_new = ::stat(target.c_str(), &replaced) != 0;
+    stays = durability == Durability::kSoon && seems_whole(state, target, id, bytes);
+    // Links the old file into the trash; otherwise the rename would free its bytes here, which
+    // takes time. A failure is ignored: on file systems without links, the rename does free them.
+    [[maybe_unused]] const int linked = ::link(target.c_str(), trash_path(root, state).c_str());
+    const fs::path place = stays ? trash_path(root, state) : target;
+    if (::rename(file.c_str(), place.c_str()) != 0) {
+      return errno_error("move into the store", file);
+    }
+    if (!stays) state.bytes += bytes - (is_new ? 0 : static_cast<int64_t>(replaced.st_size));
   }
-  state.bytes += bytes - (is_new ? 0 : static_cast<int64_t>(replaced.st_size));
   if (durability == Durability::kNow) {
     VOXELD_TRY(sync_path(target.parent_path()));
   } else {
     state.unsynced.add(id);
   }
-  state.checks.note_intact(id, target);
+  if (!stays) state.checks.note_intact(id, target);
   return info;
 }
 

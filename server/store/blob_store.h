@@ -66,6 +66,7 @@ struct BlobState {
   std::atomic<int64_t> trashed{0};  // the next file name in the trash
   std::atomic<int64_t> bytes{0};    // over all blobs: see BlobStore::recount()
   DiskRoom disk;
+  Mutex placing;  // one file at a time comes to its place, or new bytes are counted twice
 };
 
 // Thread-safe. Copies share their state: the directory and its pins.

@@ -222,6 +222,7 @@ TEST_F(BlobStoreTest, threads_that_store_the_same_bytes_do_not_disturb_each_othe
   }
   for (auto& thread : threads) thread.join();
   EXPECT_EQ(store.list().value().size(), 20u);
+  EXPECT_EQ(store.bytes(), 10 * 9 + 10 * 10) << "each content once";
   EXPECT_EQ(temporary_files(), 0u);
 }
 

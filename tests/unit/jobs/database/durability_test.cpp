@@ -1,6 +1,7 @@
 // Which changes sync the disk before they return. The functions of the C library are replaced for
 // the whole program, so that also SQLite's calls are counted.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -95,6 +96,27 @@ TEST_F(BlobDurability, blobs_are_synced_at_once_or_by_sync) {
   EXPECT_TRUE(store_.verified(c.id) && store_.verified(d.id));
   EXPECT_EQ(syncs_of_sync(), 4);
   EXPECT_EQ(syncs_of_sync(), 0);
+}
+
+// Power loss would take the new file, and with it what an upload was acknowledged with.
+TEST_F(BlobDurability, a_durable_file_is_not_replaced_by_one_that_is_not) {
+  const BlobInfo kept = put("kept", Durability::kNow);
+  const auto inode = [&] {
+    struct stat info {};
+    EXPECT_EQ(::stat(store_.path_of(kept.id).c_str(), &info), 0);
+    return info.st_ino;
+  };
+  const auto durable = inode();
+  put("kept", Durability::kSoon);
+  adopt("kept", Durability::kSoon);
+  EXPECT_EQ(inode(), durable);
+  put("kept", Durability::kNow);
+  EXPECT_NE(inode(), durable);
+  const std::string_view torn = "kep";
+  ASSERT_TRUE(write_file(store_.path_of(kept.id),
+                         {reinterpret_cast<const uint8_t*>(torn.data()), torn.size()}));
+  put("kept", Durability::kSoon);
+  EXPECT_EQ(store_.verified(kept.id).value().bytes, 4);
 }
 
 TEST_F(BlobDurability, what_is_gone_needs_no_sync) {
