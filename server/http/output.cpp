@@ -99,6 +99,8 @@ Output::Output(Context context, Response response, MemoryBudget& budget, std::st
   if (auto* pieces = std::get_if<PieceBody>(&response.body)) {
     pieces_ = std::move(*pieces);
     has_pieces_ = true;
+    const bool reads_file = pieces_.file != nullptr && context_.method != "HEAD";
+    if (reads_file && held_files != nullptr) held_ = held_files->add(tenant, pieces_.file->get());
     response_ = std::move(response);
   } else {
     write_whole(response);
@@ -192,6 +194,7 @@ Output::State Output::next_piece() {
   if (!is_head && is_chunked_ && piece->is_last) text_ += "0\r\n\r\n";
   if (is_head || piece->is_last) {
     has_pieces_ = false;
+    held_ = {};
     pieces_ = {};  // with what it holds
   }
   share_.set(static_cast<int64_t>(text_.size()));

@@ -52,11 +52,14 @@ class Output {
   // Bytes of head and body that the socket has taken.
   int64_t sent() const { return sent_; }
   // Whether it still sends a file; and one that was deleted, whose room its client keeps.
-  bool sends_file() const { return file_left_ > 0; }
-  bool sends_deleted_file() const { return sends_file() && is_deleted(file_.get()); }
+  bool sends_file() const { return file_left_ > 0 || reads_pieces(); }
+  bool sends_deleted_file() const {
+    return sends_file() && is_deleted(reads_pieces() ? pieces_.file->get() : file_.get());
+  }
   int64_t body_sent() const { return std::max<int64_t>(0, sent_ - head_bytes_); }
 
  private:
+  bool reads_pieces() const { return has_pieces_ && pieces_.file != nullptr; }
   void write_head(const Response& response, std::optional<int64_t> bytes);
   void write_whole(const Response& response);
   const FileBody* file_of(const Response& response) const;

@@ -18,6 +18,7 @@
 
 #include "proto/options/options.h"
 #include "proto/result.h"
+#include "server/base/disk/file.h"
 #include "server/base/waker.h"
 #include "server/http/message/authority.h"
 #include "server/http/message/content_coding.h"
@@ -111,6 +112,8 @@ struct PieceBody {
   std::function<Result<Piece>()> next;
   // Bytes that a piece needs while it is generated and until the socket has taken it.
   int64_t piece_bytes_max = kPieceBytesMax;
+  // The file that the pieces are read from; its client keeps it like that of a FileBody.
+  std::shared_ptr<const UniqueFd> file = nullptr;
 };
 
 struct Response {

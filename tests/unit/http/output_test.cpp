@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
@@ -19,6 +20,40 @@ namespace voxeld::http {
 namespace {
 
 constexpr size_t kSentBytes = size_t{8} << 20;
+
+// Pieces of a file that was deleted meanwhile, as of a FileBody.
+TEST(OutputOfPieces, their_file_is_held_until_the_last_one_is_made) {
+  const testing::TemporaryDir dir;
+  const auto path = dir.path() / "tiles";
+  ASSERT_TRUE(write_file(path, std::vector<uint8_t>(100'000)));
+  auto file = std::make_shared<const UniqueFd>(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  std::array<int, 2> fds{};
+  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, fds.data()), 0);
+  UniqueFd server(fds[0]);
+  const UniqueFd client(fds[1]);
+  Connection connection(std::move(server), "10.0.0.1");
+  int left = 200;
+  Response response;
+  response.body = PieceBody{[&] {
+                              return Piece{std::string(10'000, 'x'), --left == 0};
+                            },
+                            kPieceBytesMax, std::move(file)};
+  HeldFiles held;
+  MemoryBudget budget;
+  Output output({}, std::move(response), budget, "lab", nullptr, &held);
+  EXPECT_EQ(held.bytes("lab"), 0);
+  ::unlink(path.c_str());
+  EXPECT_EQ(output.advance(connection), Output::State::kBlocked) << "nobody reads";
+  EXPECT_GT(held.bytes("lab"), 0);
+  EXPECT_TRUE(output.sends_deleted_file());
+  left = 1;
+  std::vector<char> bytes(size_t{1} << 20);
+  while (output.advance(connection) != Output::State::kDone) {
+    ASSERT_GT(::read(client.get(), bytes.data(), bytes.size()), 0);
+  }
+  EXPECT_EQ(held.bytes("lab"), 0);
+  EXPECT_FALSE(output.sends_file());
+}
 
 // A socket whose other end reads as fast as it can.
 class OutputTest : public ::testing::Test {

@@ -35,7 +35,7 @@ constexpr size_t kTilesMax = 960;
 // A container that is sent from a file which may be removed meanwhile.
 class ExcerptBody {
  public:
-  ExcerptBody(UniqueFd file, GridExcerpt excerpt)
+  ExcerptBody(std::shared_ptr<const UniqueFd> file, GridExcerpt excerpt)
       : file_(std::move(file)), excerpt_(std::move(excerpt)), at_(excerpt_.first_byte) {}
 
   Result<Piece> next() {
@@ -53,7 +53,7 @@ class ExcerptBody {
  private:
   Status read(std::span<char> out) {
     while (!out.empty()) {
-      const ssize_t count = ::pread(file_.get(), out.data(), out.size(), static_cast<off_t>(at_));
+      const ssize_t count = ::pread(file_->get(), out.data(), out.size(), static_cast<off_t>(at_));
       if (count < 0 && errno == EINTR) continue;
       if (count < 0) return errno_error("read", "tiles");
       if (count == 0) return Error{ErrorCode::kInternal, "a file of tiles ends early", "", ""};
@@ -63,7 +63,7 @@ class ExcerptBody {
     return {};
   }
 
-  const UniqueFd file_;
+  const std::shared_ptr<const UniqueFd> file_;
   GridExcerpt excerpt_;
   uint64_t at_;  // of the file
 };
@@ -113,8 +113,9 @@ Result<std::optional<Response>> send_tiles(const JobStatus& status, const TileFi
   response.headers["X-Voxeld-Job"] = status.id;
   response.headers["X-Voxeld-Next"] =
       std::to_string(after + static_cast<int64_t>(excerpt.tile_count));
-  const auto body = std::make_shared<ExcerptBody>(std::move(fd), std::move(excerpt));
-  response.body = PieceBody{[body] { return body->next(); }};
+  const auto kept = std::make_shared<const UniqueFd>(std::move(fd));
+  const auto body = std::make_shared<ExcerptBody>(kept, std::move(excerpt));
+  response.body = PieceBody{[body] { return body->next(); }, kPieceBytesMax, kept};
   return std::optional(std::move(response));
 }
 
