@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
 #include <utility>
 
 #include "server/api/access/access.h"
@@ -21,6 +24,34 @@ namespace {
 Status check_memory(bool is_new_work) {
   if (!is_new_work || memory_reserve_is_whole()) return {};
   return Error{ErrorCode::kQueueFull, "no new work is taken while memory is short", "", ""};
+}
+
+// Admits a request again once its body is whole: its key may have been revoked meanwhile.
+class AdmittedBody final : public BodySink {
+ public:
+  AdmittedBody(const Access& access, std::unique_ptr<BodySink> sink)
+      : access_(access), sink_(std::move(sink)) {}
+  Status take(std::span<const uint8_t> piece) override { return sink_->take(piece); }
+  Reply finish(Request& request) override {
+    if (!access_.still_admits(request.key_id)) return problem(request, no_valid_key());
+    return sink_->finish(request);
+  }
+
+ private:
+  const Access& access_;
+  const std::unique_ptr<BodySink> sink_;
+};
+
+Reply admitted_again(const Access& access, Reply reply) {
+  if (auto* stream = std::get_if<StreamedBody>(&reply.next)) {
+    stream->sink = std::make_unique<AdmittedBody>(access, std::move(stream->sink));
+  } else if (auto* text = std::get_if<TextBody>(&reply.next)) {
+    text->then = [&access, then = std::move(text->then)](Request& request, std::string body) {
+      if (!access.still_admits(request.key_id)) return Reply(problem(request, no_valid_key()));
+      return then(request, std::move(body));
+    };
+  }
+  return reply;
 }
 
 class HttpApiServer final : public ApiServer {
@@ -109,7 +140,8 @@ class HttpApiServer final : public ApiServer {
     if (admitted) admitted = check_memory(route != nullptr && route->work == Work::kNew);
     if (!admitted) return problem(request, admitted.error());
     ++admitted_requests_;
-    return router_.dispatch(request);
+    Reply reply = router_.dispatch(request);
+    return request.key_id.empty() ? std::move(reply) : admitted_again(access_, std::move(reply));
   }
 
   void add_headers(const Request& request, Response& response) const {

@@ -3,6 +3,7 @@
 
 #include <regex>
 #include <string>
+#include <tuple>
 
 #include "server/jobs/auth/key_file.h"
 #include "tests/unit/api/api_server_fixture.h"
@@ -119,6 +120,27 @@ TEST_F(AccessTest, a_revoked_key_ends_whatever_waits_in_its_name) {
     EXPECT_EQ(client.receive().value_or(HttpResponse{}).code(), "unauthorized");
   }
   EXPECT_EQ(get("/v1/jobs/" + job, bearer(other)).status, 200) << "the tenant's job stays";
+}
+
+TEST_F(AccessTest, a_key_that_is_revoked_before_a_body_is_whole_makes_nothing_of_it) {
+  const std::string key = add("lab"), other = add("lab");
+  const auto asset = json(request("POST", "/v1/assets", bearer(key), "mesh")).value("id", "");
+  const std::string job = R"({"kind":"voxelize","asset":")" + asset + R"("})";
+  for (const auto& [path, type, body] :
+       {std::tuple<std::string, std::string, std::string>{"/v1/jobs", "application/json", job},
+        {"/v1/assets", "application/octet-stream", "another mesh"}}) {
+    const std::string revoked = add("lab");
+    HttpClient client(server_->port());
+    ASSERT_TRUE(client.send("POST " + path + " HTTP/1.1\r\nHost: h\r\n" + bearer(revoked) +
+                            "Content-Type: " + type + "\r\nExpect: 100-continue\r\n" +
+                            "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n"));
+    ASSERT_TRUE(client.receive_some().starts_with("HTTP/1.1 100 ")) << path;
+    revoke(revoked);
+    ASSERT_TRUE(client.send(body));
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).code(), "unauthorized") << path;
+  }
+  EXPECT_EQ(json(get("/v1/assets", bearer(other)))["assets"].size(), 1u);
+  EXPECT_EQ(json(get("/v1/jobs", bearer(other)))["jobs"].size(), 0u);
 }
 
 TEST_F(AccessTest, keys_that_cannot_be_read_any_more_make_the_daemon_not_ready) {
