@@ -23,7 +23,7 @@ texture textureSize transpose trunc uintBitsToFloat
 """.split())
 SWIZZLE = re.compile(r"[xyzw]{1,4}|[rgba]{1,4}|[stpq]{1,4}")
 CONDITION = re.compile(r"\s*#\s*(if|ifdef|ifndef|elif|undef)\b")
-CONSTANT = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(-?\d[\w.]*)[ \t]*$", re.M)
+CONSTANT = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(-?\.?\d[\w.]*)[ \t]*$", re.M)
 TYPE_ALIAS = re.compile(r"^#define (double|dvec[234]) (\w+)$")
 TOKEN = re.compile(r"^[ \t]*#.*$|\.?\b[A-Za-z_]\w*\b|[{}();]", re.M)
 # First letters of names by their scope: members have none that components of vectors have.
@@ -127,15 +127,16 @@ def short_numbers(text):
     """32.0f becomes 32. and 0.5 becomes .5"""
     text = re.sub(r"(\d\.\d*)[fF]\b", r"\1", text)
     text = re.sub(r"\b(\d+)\.0+\b", r"\1.", text)
-    return re.sub(r"(?<![\w.])0(\.\d)", r"\1", text)
+    text = re.sub(r"(?<![\w.])0(\.\d)", r"\1", text)
+    return re.sub(r"\b(?:int|uint)\((\d+)(u?)\)", lambda m: m[1] + "u" * (m[0][0] == "u"), text)
 
 
 def minified(text, kept, never=(), variant_line="VARIANT"):
     """The shader's text, without the names that only it uses. Lines of the preprocessor stay lines. Names of `never` are
     not defined in any variant."""
-    text = short_numbers(without_branches(text, never))
+    text = short_numbers(without_constants(without_branches(text, never)))
     lines, code = [], ""
-    for line in [*renamed(without_constants(text), kept | {variant_line}).split("\n"), "#"]:
+    for line in [*renamed(text, kept | {variant_line}).split("\n"), "#"]:
         line = line.strip()
         if not line.startswith("#") and line != variant_line:
             code += line + " "

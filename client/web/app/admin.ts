@@ -3,7 +3,7 @@
 import { isAbort, Problem, type Api } from "./api";
 import { byId, field, fill, h } from "./dom";
 import type { Asset, JobStatus, Key, Me, Queue, StoredResult } from "./model";
-import { bytesText, count, t, type TextKey } from "./texts";
+import { bytesText, count, linesOf, names, progressOf, t, T } from "./texts";
 
 const REFRESH_MS = 1500;
 const ROWS = 50;
@@ -35,20 +35,11 @@ function when(milliseconds: number): string {
 }
 
 function limitName(limit: string): string {
-  return t(`limit_${limit}` as TextKey);
+  return names[`limit_${limit}`]!;
 }
 
 function limitText(limit: string, value: number | null): string {
-  return !value ? t("limitNone") : limit === "bytes" ? bytesText(value) : count(value);
-}
-
-function progressOf(job: JobStatus): string {
-  if (job.state === "queued") return job.waiting_for || t("queued", { n: job.queue_position });
-  if (job.frames_total > 0)
-    return t("runningFrames", { done: job.frames_done, total: job.frames_total });
-  return job.tiles_total > 0
-    ? t("runningTiles", { done: job.tiles_done, total: job.tiles_total })
-    : t("running");
+  return !value ? T.limitNone : limit === "bytes" ? bytesText(value) : count(value);
 }
 
 export class Admin {
@@ -70,26 +61,25 @@ export class Admin {
     private readonly onProblem: (error: unknown) => void,
     private readonly onNote: (text: string) => void,
   ) {
-    const section = (title: TextKey, ...children: HTMLElement[]) =>
-      h("section", { className: "card" }, h("h2", { tabIndex: -1 }, t(title)), ...children);
-    this.#keysCard = section("keys", this.#keys, this.#keyForm());
+    const section = (title: T, ...children: HTMLElement[]) =>
+      h("section", { className: "card" }, h("h2", { tabIndex: -1 }, title), ...children);
+    this.#keysCard = section(T.keys, this.#keys, this.#keyForm());
     this.#keysCard.hidden = true;
     byId("admin").append(
-      h("h1", {}, t("adminTitle")),
+      h("h1", {}, T.adminTitle),
       this.#access,
-      section("devices", this.#devices),
-      section("queue", this.#queue),
-      section("failures", this.#failures),
-      section(
-        "storage",
+      section(T.devices, this.#devices),
+      section(T.queue, this.#queue),
+      section(T.failures, this.#failures),
+      section(T.storage,
         this.#use,
         this.#disk,
-        h("h3", {}, t("results")),
+        h("h3", {}, T.results),
         this.#results,
-        h("h3", {}, t("assets")),
+        h("h3", {}, T.assets),
         this.#assets,
       ),
-      section("limits", this.#limits),
+      section(T.limits, this.#limits),
       this.#keysCard,
     );
   }
@@ -136,7 +126,7 @@ export class Admin {
       });
       const secret = h("input", { readOnly: true, value: key });
       form.reset();
-      fill(shown, field(t("keyNew"), secret));
+      fill(shown, field(T.keyNew, secret));
       secret.focus();
       secret.select();
       await this.#showKeys();
@@ -150,15 +140,15 @@ export class Admin {
           void add().catch(this.onProblem);
         },
       },
-      field(t("name"), name),
-      field(t("expires"), expires),
-      field(t("requests"), rate),
-      field(t("limit_bytes"), bytes),
+      field(T.name, name),
+      field(T.expires, expires),
+      field(T.requests, rate),
+      field(names["limit_bytes"]!, bytes),
       h(
         "p",
         { className: "row" },
-        h("label", { className: "check" }, admin, t("admin")),
-        h("button", {}, t("add")),
+        h("label", { className: "check" }, admin, T.admin),
+        h("button", {}, T.add),
       ),
       shown,
     );
@@ -170,12 +160,12 @@ export class Admin {
     refill(
       this.#keys,
       table(
-        [t("name"), t("role"), t("limits"), t("expires"), t("state"), ""],
+        [T.name, T.role, T.limits, T.expires, T.state, ""],
         keys.map(key => {
           const name = `${key.name} ${key.id}`;
           return [
             name,
-            t(key.admin ? "admin" : "tenant"),
+            key.admin ? T.admin : T.tenant,
             Object.entries(key.limits)
               .filter(([, value]) => value)
               .map(([limit, value]) => limitName(limit) + ": " + limitText(limit, value))
@@ -184,7 +174,7 @@ export class Admin {
             key.state,
             key.state === "live"
               ? this.#button(
-                  t("revoke"),
+                  T.revoke,
                   name,
                   () => this.api.request(`/v1/keys/${key.id}`, { method: "DELETE" }),
                   () => this.#showKeys(),
@@ -205,19 +195,19 @@ export class Admin {
     refill(
       this.#devices,
       table(
-        [t("device"), t("renderer"), t("workers"), t("memory")],
+        [T.device, T.renderer, T.workers, T.memory],
         queue.devices.map(device => [
           device.device,
           device.renderer,
           `${device.workers_busy} / ${device.workers}`,
           device.memory_bytes ? bytesText(device.memory_bytes) : "",
         ]),
-        t("nothing"),
+        T.nothing,
       ),
     );
     const { others, store } = queue;
     this.#disk.textContent = store
-      ? t("disk", {
+      ? t(T.disk, {
           bytes: bytesText(store.bytes),
           free: bytesText(store.disk_free_bytes),
           total: bytesText(store.disk_bytes),
@@ -226,7 +216,7 @@ export class Admin {
     refill(
       this.#queue,
       table(
-        [t("job"), t("tenant"), t("device"), t("state"), t("progress"), ""],
+        [T.job, T.tenant, T.device, T.state, T.progress, ""],
         queue.jobs.map(job => [
           job.filename || job.id.slice(0, 10),
           job.tenant ?? "",
@@ -234,56 +224,48 @@ export class Admin {
           job.state,
           progressOf(job),
           this.#button(
-            t("cancel"),
+            T.cancel,
             job.filename ?? job.id,
             () => this.api.request(`/v1/jobs/${job.id}`, { method: "DELETE" }),
             () => this.#showQueue(),
           ),
         ]),
-        t("queueNone"),
+        T.queueNone,
       ),
       others.running + others.queued > 0
-        ? h("p", { className: "quiet" }, t("queueOthers", others))
+        ? h("p", { className: "quiet" }, t(T.queueOthers, others))
         : null,
     );
     refill(
       this.#failures,
       table(
-        [t("job"), t("when"), t("failures")],
+        [T.job, T.when, T.failures],
         failed.jobs.map(job => [
           job.filename || job.id.slice(0, 10),
           when(job.ended_ms ?? job.created_ms),
-          [
-            job.error?.detail,
-            job.error?.expected && t("expected", { text: job.error.expected }),
-            job.error?.got && t("got", { text: job.error.got }),
-          ]
-            .filter(Boolean)
-            .join("; "),
+          job.error ? [job.error.detail, ...linesOf(job.error)].join("; ") : "",
         ]),
-        t("failuresNone"),
+        T.failuresNone,
       ),
     );
   }
 
   async #showStorage(): Promise<void> {
     const me = await this.api.json<Me>("/v1/me");
-    this.#access.textContent = t(
-      me.key === "" ? "adminOpen" : me.admin ? "adminAll" : "adminTenant",
-    );
+    this.#access.textContent = me.key === "" ? T.adminOpen : me.admin ? T.adminAll : T.adminTenant;
     this.#keysCard.hidden = !me.admin;
     if (me.admin) await this.#showKeys();
     const [used, limit] = [me.usage["bytes"] ?? 0, me.limits["bytes"] ?? null];
     this.#use.textContent =
       limit === null
-        ? t("storageUse", { bytes: bytesText(used) })
-        : t("storageOf", { bytes: bytesText(used), limit: bytesText(limit) });
+        ? t(T.storageUse, { bytes: bytesText(used) })
+        : t(T.storageOf, { bytes: bytesText(used), limit: bytesText(limit) });
     refill(
       this.#limits,
       table(
-        [t("limits"), ""],
+        [T.limits, ""],
         Object.entries(me.limits).map(([name, value]) => [limitName(name), limitText(name, value)]),
-        t("limitNone"),
+        T.limitNone,
       ),
     );
     const [results, assets] = await Promise.all([
@@ -293,37 +275,37 @@ export class Admin {
     refill(
       this.#results,
       table(
-        [t("name"), t("bytes"), t("when"), ""],
+        [T.name, T.bytes, T.when, ""],
         results.results.map(result => [
           result.filename,
           bytesText(result.bytes),
           when(result.created_ms),
           this.#button(
-            t("remove"),
+            T.remove,
             result.filename,
             () => this.#remove(`/v1/jobs/${result.job}/result`, result.filename),
             () => this.#showStorage(),
           ),
         ]),
-        t("nothing"),
+        T.nothing,
       ),
     );
     refill(
       this.#assets,
       table(
-        [t("name"), t("bytes"), t("when"), ""],
+        [T.name, T.bytes, T.when, ""],
         assets.assets.map(asset => [
           asset.filename || asset.id.slice(0, 15),
           bytesText(asset.bytes),
           when(asset.created_ms),
           this.#button(
-            t("remove"),
+            T.remove,
             asset.filename,
             () => this.#remove(`/v1/assets/${asset.id}`, asset.filename),
             () => this.#showStorage(),
           ),
         ]),
-        t("nothing"),
+        T.nothing,
       ),
     );
   }
@@ -355,6 +337,6 @@ export class Admin {
       if (!(error instanceof Problem) || (error.status !== 410 && error.status !== 404))
         throw error;
     }
-    this.onNote(t("removed", { name }));
+    this.onNote(t(T.removed, { name }));
   }
 }

@@ -1,7 +1,7 @@
 // Requests to the daemon: keys, problems, uploads with progress, event streams, and patience with
 // a daemon that restarts.
 import { hasEnded, type ErrorBody, type JobStatus } from "./model";
-import { t } from "./texts";
+import { T } from "./texts";
 
 /** A response that says no, with the members of its problem+json. */
 export class Problem extends Error {
@@ -21,7 +21,7 @@ export class Problem extends Error {
 
 export interface Ask {
   readonly method?: string;
-  readonly body?: unknown; // an object is sent as JSON
+  readonly body?: object; // sent as JSON
   readonly headers?: Readonly<Record<string, string>>;
   readonly signal?: AbortSignal | undefined;
   /** The signal ends waits between tries, but cuts off no request that is under way. */
@@ -60,12 +60,11 @@ export function isAbort(error: unknown): boolean {
 export class Api {
   key: string | null = null;
   /** Asks for a key; `refused` is the one that the daemon did not take. */
-  onKeyNeeded: (refused: string | null) => Promise<string> = () =>
-    Promise.reject(new Error("no key"));
+  declare onKeyNeeded: (refused: string | null) => Promise<string>;
   /** The daemon does not answer, or answers again. */
-  onConnection: (isOnline: boolean) => void = () => undefined;
+  declare onConnection: (isOnline: boolean) => void;
   /** The daemon refuses work for some seconds. */
-  onBusy: (seconds: number) => void = () => undefined;
+  declare onBusy: (seconds: number) => void;
 
   #isOnline = true;
 
@@ -74,20 +73,18 @@ export class Api {
    * a request must be one that may be repeated. Throws Problem, or AbortError of `signal`.
    */
   async request(path: string, ask: Ask = {}): Promise<Response> {
-    const isJson =
-      ask.body !== undefined && !(ask.body instanceof Blob) && typeof ask.body !== "string";
     for (const tries = { lost: 0, busy: 0 }; ;) {
       const key = this.key;
       let response: Response;
       try {
         response = await fetch(path, {
-          method: ask.method ?? (ask.body === undefined ? "GET" : "POST"),
+          method: ask.method ?? (ask.body ? "POST" : "GET"),
           headers: {
-            ...(isJson ? { "Content-Type": "application/json" } : {}),
+            ...(ask.body ? { "Content-Type": "application/json" } : {}),
             ...ask.headers,
             ...(key === null ? {} : { Authorization: `Bearer ${key}` }),
           },
-          body: isJson ? JSON.stringify(ask.body) : ((ask.body as BodyInit | undefined) ?? null),
+          body: ask.body ? JSON.stringify(ask.body) : null,
           signal: (!ask.isWhole && ask.signal) || null,
           cache: "no-store",
           credentials: "omit",
@@ -97,7 +94,7 @@ export class Api {
         await this.#waitForDaemon(tries.lost++, ask.signal);
         continue;
       }
-      if (response.ok || response.status === 304) {
+      if (response.ok) {
         this.#setOnline(true);
         return response;
       }
@@ -152,7 +149,7 @@ export class Api {
       if (status === 0) {
         await file.slice(0, 1).arrayBuffer(); // throws if the file has changed or is gone
         await this.request("/v1/me", { signal }); // waits until the daemon answers
-        if (++lost >= LOST_UPLOADS_MAX) throw new Error(t("uploadLost"));
+        if (++lost >= LOST_UPLOADS_MAX) throw new Error(T.uploadLost);
       } else if (status >= 200 && status < 300) {
         this.#setOnline(true);
         return JSON.parse(text) as T;

@@ -12,14 +12,15 @@ import {
 } from "./files";
 import { Look } from "./look";
 import type { Asset, AssetDescription, DryRun, GridMeta, JobStatus } from "./model";
+import { hasEnded } from "./model";
 import { Runner, type Wish } from "./runner";
 import { Settings, showPrice } from "./settings";
 import { Stage } from "./stage";
 import { showStart } from "./start";
 import { Take } from "./take";
-import { bytesText, count, duration, t } from "./texts";
+import { bytesText, count, duration, progressOf, t, T } from "./texts";
 import { Timeline } from "./timeline";
-import { uploadBundle, type UploadStep } from "./upload";
+import { uploadBundle } from "./upload";
 
 const PRICE_DELAY_MS = 140; // after a change of the settings
 const RUN_DELAY_MS = 350;
@@ -56,14 +57,14 @@ export class App {
   readonly #runButton = h(
     "button",
     { className: "primary", id: "run", onclick: () => this.#run() },
-    t("run"),
+    T.run,
   );
   readonly #cancelButton = h(
     "button",
     { id: "cancel", hidden: true, onclick: () => this.#cancel() },
-    t("cancel"),
+    T.cancel,
   );
-  readonly #progress = h("progress", { hidden: true, "aria-label": t("progress") });
+  readonly #progress = h("progress", { hidden: true, "aria-label": T.progress });
   readonly #jobLine = h("p", { id: "job", "aria-live": "polite" });
 
   constructor(
@@ -82,12 +83,13 @@ export class App {
       wantsViewer,
     );
     this.#stage.onProblem = onProblem;
-    this.#stage.onLost = () => onNote(t("lost"));
-    canvas.setAttribute("aria-label", t("viewHelp"));
-    image.alt = t("viewHelp");
+    this.#stage.onLost = () => onNote(T.lost);
+    canvas.setAttribute("aria-label", T.viewHelp);
+    image.alt = T.viewHelp;
     this.#runner = new Runner(api, {
       onStatus: (job, isPreview) => this.#showJob(job, isPreview),
       onGrid: (job, isPreview) => this.#showGrid(job, isPreview),
+      onJob: job => this.#jobs.add(job.id),
       onProblem,
     });
     this.#timeline = new Timeline(byId("timeline"), {
@@ -95,12 +97,17 @@ export class App {
       prefetch: frame => this.#stage.prefetch(`/v1/jobs/${this.#shownJob}/frames/${frame}`),
       onProblem,
     });
-    const cards = ["model", "voxels", "look", "take"] as const;
-    const [model, voxels, look, take] = cards.map(name => {
+    const cards = [
+      ["model", ""],
+      ["voxels", T.voxels],
+      ["look", T.look],
+      ["take", T.take],
+    ] as const;
+    const [model, voxels, look, take] = cards.map(([name, title]) => {
       const card = h(
         "section",
         { className: "card", id: `card-${name}`, "aria-labelledby": `title-${name}` },
-        name === "model" ? this.#title : h("h2", {}, t(name)),
+        name === "model" ? this.#title : h("h2", {}, title),
       );
       (card.firstElementChild as HTMLElement).id = `title-${name}`;
       return card;
@@ -112,11 +119,11 @@ export class App {
       h(
         "div",
         { className: "row" },
-        h("button", { id: "new", onclick: () => this.#close() }, t("newMesh")),
+        h("button", { id: "new", onclick: () => this.#close() }, T.newMesh),
         h(
           "button",
           { id: "delete", className: "danger", onclick: () => void this.#remove() },
-          t("remove"),
+          T.remove,
         ),
       ),
     );
@@ -130,11 +137,10 @@ export class App {
       this.#jobLine,
     );
     this.#look = new Look(look, this.#stage, byId("pick"), canvas);
-    if (!this.#stage.viewer) look.append(h("p", { className: "note" }, t("still")));
+    if (!this.#stage.viewer) look.append(h("p", { className: "note" }, T.still));
     this.#take = new Take(take, api, this.#runner, this.#stage);
     this.#take.onProblem = onProblem;
     this.#take.onNote = onNote;
-    this.#take.onJob = job => this.#jobs.add(job.id);
     showStart(files => void this.load(files), onProblem);
     this.#listen();
   }
@@ -147,29 +153,29 @@ export class App {
       depth = Math.max(0, depth + by);
       document.body.classList.toggle("dragging", depth > 0);
     };
-    document.addEventListener("dragenter", event => {
+    document.ondragenter = event => {
       if (isFiles(event)) mark(1);
-    });
-    document.addEventListener("dragleave", event => {
+    };
+    document.ondragleave = event => {
       if (isFiles(event)) mark(-1);
-    });
-    document.addEventListener("dragover", event => event.preventDefault());
-    document.addEventListener("drop", event => {
+    };
+    document.ondragover = event => event.preventDefault();
+    document.ondrop = event => {
       event.preventDefault();
       depth = 0;
       mark(0);
       if (event.dataTransfer) this.#transfer(event.dataTransfer);
-    });
-    document.addEventListener("paste", event => {
+    };
+    document.onpaste = event => {
       if (event.clipboardData && event.clipboardData.files.length > 0)
         this.#transfer(event.clipboardData);
-    });
+    };
     for (const id of ["files", "folder"]) {
       const input = byId<HTMLInputElement>(id);
-      input.addEventListener("change", () => {
+      input.onchange = () => {
         void this.load(filesOfInput(input));
         input.value = "";
-      });
+      };
     }
   }
 
@@ -186,7 +192,7 @@ export class App {
     if (!bundle) {
       this.onProblem(
         new Error(
-          t("noMesh", {
+          t(T.noMesh, {
             names: files
               .slice(0, 5)
               .map(file => file.name)
@@ -196,7 +202,7 @@ export class App {
       );
       return;
     }
-    if (bundle.ignored > 0) this.onNote(t("ignored", { n: bundle.ignored }));
+    if (bundle.ignored > 0) this.onNote(t(T.ignored, { n: bundle.ignored }));
     this.#loading?.abort();
     const loading = (this.#loading = new AbortController());
     try {
@@ -206,7 +212,10 @@ export class App {
       const { asset, members } = await uploadBundle(
         this.api,
         bundle,
-        step => this.#showUpload(step),
+        (text, share, isKnown) => {
+          this.#showOver(text, share);
+          if (isKnown) this.onNote(text);
+        },
         loading.signal,
       );
       this.#asset = asset;
@@ -224,17 +233,18 @@ export class App {
   #begin(bundle: Bundle): void {
     this.#bundle = bundle;
     this.#asset = null;
-    this.#jobs.clear();
+    this.#jobs = new Set();
     this.#price = null;
     this.#keepCamera = false;
     this.#stage.clear();
     document.body.classList.remove("shown");
     this.#timeline.show(0, 0, 1);
     this.#take.show(null);
+    this.#look.forget();
     this.#settings.reset();
-    byId("banner").hidden = true;
+    if (!byId("banner").matches(".offline")) byId("banner").hidden = true;
     byId("start").hidden = true;
-    this.#facts.hidden = true;
+    this.#facts.hidden = byId("pick").hidden = true;
     this.#panel.hidden = false;
     document.body.classList.add("open");
     this.#title.textContent = stemOf(bundle.mesh.name);
@@ -260,29 +270,29 @@ export class App {
   }
 
   #showDescription(mesh: AssetDescription): void {
-    const textures = mesh.materials.filter(material => material.texture !== null).length;
+    const textures = new Set(mesh.materials.flatMap(({ texture }) => texture ?? [])).size;
     const animations = mesh.animations?.length ?? 0,
       parts = mesh.part_count ?? 0;
     const facts = [
       `${mesh.format.toUpperCase()}, ${bytesText(this.#bundle?.files.reduce((sum, file) => sum + file.blob.size, 0) ?? mesh.bytes)}`,
       mesh.voxels
-        ? t("done", { voxels: count(mesh.voxels.voxel_count), dims: mesh.voxels.dims.join(" × ") })
-        : t("triangles", { n: count(mesh.triangles) }),
-      parts > 1 && t("parts", { n: count(parts) }),
+        ? t(T.done, { voxels: count(mesh.voxels.voxel_count), dims: mesh.voxels.dims.join(" × ") })
+        : t(T.triangles, { n: count(mesh.triangles) }),
+      parts > 1 && t(T.parts, { n: count(parts) }),
       textures > 0
         ? textures === 1
-          ? t("oneTexture")
-          : t("textures", { n: textures })
-        : t(mesh.has_colors ? "vertexColors" : "noColors"),
-      animations > 0 && (animations === 1 ? t("oneAnimation") : t("animations", { n: animations })),
+          ? T.oneTexture
+          : t(T.textures, { n: textures })
+        : (mesh.has_colors ? T.vertexColors : T.noColors),
+      animations > 0 && (animations === 1 ? T.oneAnimation : t(T.animations, { n: animations })),
       mesh.watertight === true && !mesh.voxels
-        ? t("watertight")
+        ? T.watertight
         : mesh.watertight === false &&
-          t("notWatertight", { n: count((mesh.open_edges ?? 0) + (mesh.non_manifold_edges ?? 0)) }),
+          t(T.notWatertight, { n: count((mesh.open_edges ?? 0) + (mesh.non_manifold_edges ?? 0)) }),
     ];
     fill(this.#description, ...facts.map(fact => fact && h("li", {}, fact)));
     this.#missing.hidden = mesh.missing_files.length === 0;
-    this.#missing.textContent = t("missing", {
+    this.#missing.textContent = t(T.missing, {
       names: mesh.missing_files.map(file => file.name).join(", "),
     });
   }
@@ -300,14 +310,14 @@ export class App {
   // A change of the settings: what is under way is superseded. A quick job follows by itself.
   #changed(isFinal: boolean): void {
     if (!this.#asset) return;
-    window.clearTimeout(this.#timer);
+    clearTimeout(this.#timer);
     if (this.#runner.isRunning) void this.#cancel();
-    this.#timer = window.setTimeout(
+    this.#timer = setTimeout(
       () =>
         void this.#askPrice().then(price => {
           if (!price) return;
           if (price.cached || price.estimate.seconds <= AUTO_SECONDS_MAX) {
-            this.#timer = window.setTimeout(() => void this.#run(), isFinal ? 0 : RUN_DELAY_MS);
+            this.#timer = setTimeout(() => void this.#run(), isFinal ? 0 : RUN_DELAY_MS);
           }
         }),
       PRICE_DELAY_MS,
@@ -335,7 +345,7 @@ export class App {
   }
 
   async #run(): Promise<void> {
-    window.clearTimeout(this.#timer);
+    clearTimeout(this.#timer);
     const price = await this.#askPrice();
     const wish = this.#wish;
     if (!price || !wish) return;
@@ -358,7 +368,7 @@ export class App {
       if (!isAbort(error)) this.onProblem(error);
     }
     this.#showIdle();
-    this.#jobLine.textContent = t("cancelled");
+    this.#jobLine.textContent = T.cancelled;
   }
 
   #showIdle(): void {
@@ -368,8 +378,7 @@ export class App {
   }
 
   #showJob(job: JobStatus, isPreview: boolean): void {
-    this.#jobs.add(job.id);
-    const isLive = job.state === "queued" || job.state === "running";
+    const isLive = !hasEnded(job);
     this.#cancelButton.hidden = this.#progress.hidden = !isLive && !isPreview;
     const [done, total] =
       job.frames_total > 0
@@ -381,25 +390,16 @@ export class App {
     } else {
       this.#progress.removeAttribute("value");
     }
-    this.#jobLine.textContent = isPreview ? t("preview", { n: 128 }) : this.#jobText(job);
+    this.#jobLine.textContent = isPreview ? t(T.preview, { n: 128 }) : this.#jobText(job);
   }
 
   #jobText(job: JobStatus): string {
-    if (job.state === "queued") {
-      return job.waiting_for
-        ? t("queuedFor", { what: job.waiting_for })
-        : t("queued", { n: job.queue_position });
-    }
-    if (job.state === "cancelled") return t("cancelled");
-    if (job.state !== "running") return "";
-    const left = ((job.expected_end_ms ?? 0) - Date.now()) / 1000;
-    const text =
-      job.frames_total > 0
-        ? t("runningFrames", { done: job.frames_done, total: job.frames_total })
-        : job.tiles_total > 1
-          ? t("runningTiles", { done: job.tiles_done, total: job.tiles_total })
-          : t("running");
-    return left > 1 ? `${text}; ${t("endsIn", { time: duration(left) })}` : text;
+    if (job.state === "cancelled") return T.cancelled;
+    if (hasEnded(job)) return job.result?.warnings.map(({ detail }) => detail).join(" · ") ?? "";
+    const text = progressOf(job),
+      left = ((job.expected_end_ms ?? 0) - Date.now()) / 1000;
+    if (job.state !== "running" || left <= 1) return text;
+    return `${text}; ${t(T.endsIn, { time: duration(left) })}`;
   }
 
   async #showGrid(job: JobStatus, isPreview: boolean): Promise<void> {
@@ -417,7 +417,7 @@ export class App {
       if (isNew || job.state === "done") await this.#showFrame(this.#timeline.current);
     } else {
       this.#timeline.show(0, 0, 1);
-      if (!this.#stage.path && this.#stage.viewer) this.#showOver(t("fetching"));
+      if (!this.#stage.path && this.#stage.viewer) this.#showOver(T.fetching);
       await this.#show(`/v1/grids/${job.result?.grid ?? ""}`, meta);
       this.#showOver("");
     }
@@ -446,25 +446,12 @@ export class App {
     const { level } = this.#stage;
     const places = { voxels: count(meta.voxel_count ?? 0), dims: dims.join(" × ") };
     this.#facts.textContent =
-      t(meta.voxel_count ? "done" : "doneFrames", places) +
+      t(meta.voxel_count ? T.done : T.doneFrames, places) +
       (isPreview
-        ? ` · ${t("preview", { n: 128 })}`
+        ? ` · ${t(T.preview, { n: 128 })}`
         : level > 0
-          ? ` · ${t("doneLevel", { n: 2 ** level })}`
+          ? ` · ${t(T.doneLevel, { n: 2 ** level })}`
           : "");
-  }
-
-  #showUpload(step: UploadStep): void {
-    const { kind, name } = step;
-    this.#showOver(
-      kind === "hashing"
-        ? t("hashing", { name })
-        : kind === "known"
-          ? t("knownFile", { name })
-          : t("uploading", { name, done: bytesText(step.done), total: bytesText(step.total) }),
-      step.done / Math.max(1, step.total),
-    );
-    if (kind === "known") this.onNote(t("knownFile", { name }));
   }
 
   // A line over the view, with its share done, 0..1.
@@ -481,21 +468,23 @@ export class App {
   async #remove(): Promise<void> {
     const asset = this.#asset,
       bundle = this.#bundle;
-    if (!asset || !bundle) return;
     const name = this.#title.textContent ?? "";
-    const paths = [
-      ...[...this.#jobs].map(id => `/v1/jobs/${id}/result`),
-      ...this.#assets.map(id => `/v1/assets/${id}`),
-    ];
+    const jobs = this.#jobs,
+      assets = this.#assets;
     this.#close();
+    if (!asset || !bundle) return; // it was not uploaded yet
     await this.#runner.stop();
+    const paths = [
+      ...[...jobs].map(id => `/v1/jobs/${id}/result`),
+      ...assets.map(id => `/v1/assets/${id}`),
+    ];
     try {
       for (const path of paths) {
         await this.api.request(path, { method: "DELETE" }).catch((error: { status?: number }) => {
           if (![404, 409, 410].includes(error.status ?? 0)) throw error; // gone already, or never made
         });
       }
-      this.onNote(t("removed", { name }));
+      this.onNote(t(T.removed, { name }));
     } catch (error) {
       if (!isAbort(error)) this.onProblem(error);
     }
@@ -505,12 +494,13 @@ export class App {
   #close(): void {
     this.#loading?.abort();
     this.#pricing?.abort();
-    window.clearTimeout(this.#timer);
+    clearTimeout(this.#timer);
     void this.#runner.stop().catch(this.onProblem);
     this.#bundle = this.#asset = null;
     this.#stage.clear();
     this.#timeline.show(0, 0, 1);
-    this.#panel.hidden = this.#facts.hidden = true;
+    this.#take.show(null);
+    this.#panel.hidden = this.#facts.hidden = byId("pick").hidden = true;
     this.#showOver("");
     byId("start").hidden = false;
     document.body.classList.remove("open", "shown");

@@ -14,17 +14,8 @@ export function h<K extends keyof HTMLElementTagNameMap>(
 ): HTMLElementTagNameMap[K] {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(props)) {
-    if (value == null || value === false) continue;
-    if (name.startsWith("on") && typeof value === "function") {
-      element.addEventListener(name.slice(2), value as EventListener);
-    } else if (name in element && name !== "list") {
-      (element as unknown as Record<string, unknown>)[name] = value;
-    } else {
-      element.setAttribute(
-        name === "className" ? "class" : name,
-        value === true ? "" : String(value),
-      );
-    }
+    if (name in element) (element as unknown as Record<string, unknown>)[name] = value;
+    else element.setAttribute(name, String(value));
   }
   fill(element, ...children);
   return element;
@@ -47,22 +38,17 @@ export function byId<T extends HTMLElement = HTMLElement>(id: string): T {
 let labels = 0;
 
 /** A control with its label before it, in a row. */
-export function field(label: string, control: HTMLElement, hint = ""): HTMLElement {
+export function field(label: string, control: HTMLElement): HTMLElement {
   control.id ||= `field-${++labels}`;
   return h(
     "div",
     { className: "field" },
     h("label", { htmlFor: control.id }, label),
     control,
-    hint && h("small", {}, hint),
   );
 }
 
-export interface Choice {
-  readonly value: string;
-  readonly text: string;
-  readonly group?: string;
-}
+export type Choice = readonly [value: string, text: string, group?: string];
 
 /** A select of `choices`; those of one `group` in sequence stand under its name. */
 export function select(
@@ -82,14 +68,9 @@ export function setChoices(
 ): void {
   fill(element);
   let group: HTMLOptGroupElement | undefined;
-  for (const choice of choices) {
-    if (choice.group && (!group || group.label !== choice.group)) {
-      group = h("optgroup", { label: choice.group });
-      element.append(group);
-    }
-    (choice.group && group ? group : element).append(
-      h("option", { value: choice.value }, choice.text),
-    );
+  for (const [value, text, label] of choices) {
+    if (label && group?.label !== label) element.append((group = h("optgroup", { label })));
+    (group ?? element).append(h("option", { value }, text));
   }
   element.value = value;
 }
@@ -103,15 +84,15 @@ export function segments(
 ): HTMLFieldSetElement {
   const name = `segments-${++labels}`;
   const set = h("fieldset", { className: "segments" }, h("legend", {}, legend));
-  for (const choice of choices) {
+  for (const [one, text] of choices) {
     const input = h("input", {
       type: "radio",
       name,
-      value: choice.value,
-      checked: choice.value === value,
-      onchange: () => onchange(choice.value),
+      value: one,
+      checked: one === value,
+      onchange: () => onchange(one),
     });
-    set.append(h("label", {}, input, h("span", {}, choice.text)));
+    set.append(h("label", {}, input, h("span", {}, text)));
   }
   return set;
 }

@@ -1,5 +1,5 @@
 // The formats of a grid to take home, as proto/output_format.h lists them, and their few options.
-import { t, type TextKey } from "./texts";
+import { names, T } from "./texts";
 
 export interface FormatOption {
   readonly name: string;
@@ -11,7 +11,7 @@ export interface OutputFormat {
   readonly name: string;
   readonly extension: string;
   readonly text: string;
-  readonly group: TextKey;
+  readonly group: T;
   readonly options: readonly FormatOption[];
 }
 
@@ -35,14 +35,14 @@ const PALETTE: FormatOption = {
 };
 
 // "name text" of each format, or "name extension:text" where the extension is not the name.
-const groups: readonly (readonly [TextKey, ...string[]])[] = [
-  ["groupArrays", "npz NumPy archive", "npy NumPy array", "raw raw.zip:Bare array"],
-  ["groupEditors", "vox MagicaVoxel", "qb Qubicle", "binvox binvox", "ldr LDraw bricks"],
-  ["groupMinecraft", "schem Sponge schematic", "litematic Litematica", "nbt Structure block"],
-  ["groupMeshes", "glb glTF binary", "ply PLY", "obj OBJ", "vtu VTK cells", "inp Abaqus"],
-  ["groupPoints", "xyz Text, x y z", "csv CSV", "pcd PCL", "bt OctoMap"],
+const groups: readonly (readonly [T, ...string[]])[] = [
+  [T.groupArrays, "npz NumPy archive", "npy NumPy array", "raw raw.zip:Bare array"],
+  [T.groupEditors, "vox MagicaVoxel", "qb Qubicle", "binvox binvox", "ldr LDraw bricks"],
+  [T.groupMinecraft, "schem Sponge schematic", "litematic Litematica", "nbt Structure block"],
+  [T.groupMeshes, "glb glTF binary", "ply PLY", "obj OBJ", "vtu VTK cells", "inp Abaqus"],
+  [T.groupPoints, "xyz Text, x y z", "csv CSV", "pcd PCL", "bt OctoMap"],
   [
-    "groupVolumes",
+    T.groupVolumes,
     "vdb OpenVDB",
     "nvdb NanoVDB",
     "vti VTK image",
@@ -53,7 +53,7 @@ const groups: readonly (readonly [TextKey, ...string[]])[] = [
     "ktx2 KTX texture",
     "slices slices.zip:PNG slices",
   ],
-  ["groupNative", "native voxg:Native container"],
+  [T.groupNative, "native voxg:Native container"],
 ];
 
 const options: { readonly [format: string]: readonly FormatOption[] } = {
@@ -96,5 +96,5 @@ export function formatOf(name: string): OutputFormat {
 
 /** The label of an option. */
 export function optionText(option: FormatOption): string {
-  return t(`option_${option.name}${option.range ? "_max" : ""}` as TextKey);
+  return names[`option_${option.name}${option.range ? "_max" : ""}`]!;
 }

@@ -1,13 +1,13 @@
 // The API key: asked for when the daemon wants one, held in memory, and for the tab if wished.
 import { byId, fill, h } from "./dom";
-import { t } from "./texts";
+import { T } from "./texts";
 
 const IS_KEY = /^[\x21-\x7e]+$/; // others cannot be in a header
 const STORED = "voxeld-key"; // in sessionStorage, which ends with the tab
 
 export class Keys {
   /** After the key was forgotten. */
-  onForget: () => void = () => undefined;
+  declare onForget: () => void;
   readonly #dialog = byId<HTMLDialogElement>("dialog");
 
   /** The key that the tab remembers. */
@@ -47,7 +47,7 @@ export class Keys {
         event.preventDefault();
         const key = input.value.trim();
         if (!IS_KEY.test(key)) {
-          input.setCustomValidity(t("keyBad"));
+          input.setCustomValidity(T.keyBad);
           input.reportValidity();
           return;
         }
@@ -66,13 +66,13 @@ export class Keys {
         h(
           "form",
           { onsubmit: take },
-          h("h2", { id: "dialog-title" }, t("keyTitle")),
-          refused !== null && h("p", { className: "error", role: "alert" }, t("keyWrong")),
-          h("label", { htmlFor: "key" }, t("keyField")),
+          h("h2", { id: "dialog-title" }, T.keyTitle),
+          refused !== null && h("p", { className: "error", role: "alert" }, T.keyWrong),
+          h("label", { htmlFor: "key" }, T.keyField),
           input,
-          h("label", { className: "check" }, stay, t("keyStay")),
-          h("p", { className: "note" }, t("keyHint")),
-          h("p", { className: "row" }, h("button", { className: "primary" }, t("keyUse"))),
+          h("label", { className: "check" }, stay, T.keyStay),
+          h("p", { className: "note" }, T.keyHint),
+          h("p", { className: "row" }, h("button", { className: "primary" }, T.keyUse)),
         ),
       );
       const open = () => {

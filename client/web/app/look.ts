@@ -1,8 +1,9 @@
 // The look of the view: style, channel, section; and the voxel under the pointer.
 import { field, h, segments, select, setChoices, type Choice } from "./dom";
 import type { GridMeta, NamedId } from "./model";
+import { START } from "../view/controls";
 import type { Stage } from "./stage";
-import { t, type TextKey } from "./texts";
+import { hexOf, names, t, T } from "./texts";
 import type { Channel, Hit, Section, Style } from "../view/viewer";
 
 const STYLES = ["voxel", "smooth", "clay", "iso", "blueprint"] as const;
@@ -14,7 +15,12 @@ export class Look {
   #isFlipped = false;
   readonly #channels = h("select");
   readonly #channelField: HTMLElement;
-  readonly #cut = h("input", { type: "range", min: "0", step: "1", id: "cut" });
+  readonly #cut = h("input", {
+    type: "range",
+    id: "cut",
+    "aria-label": T.section,
+    oninput: () => this.#showCut(),
+  });
   readonly #cutRow: HTMLElement;
   readonly #cutText = h("output", { htmlFor: "cut" });
   #meta: GridMeta = {};
@@ -27,12 +33,10 @@ export class Look {
     canvas: HTMLCanvasElement,
   ) {
     const upper = (name: string) => name.charAt(0).toUpperCase() + name.slice(1);
-    this.#channels.addEventListener("change", () => {
+    this.#channels.onchange = () => {
       this.stage.channel = (this.#channels.value || null) as Channel | null;
-    });
-    this.#channelField = field(t("channel"), this.#channels);
-    this.#cut.setAttribute("aria-label", t("section"));
-    this.#cut.addEventListener("input", () => this.#showCut());
+    };
+    this.#channelField = field(T.channel, this.#channels);
     const flip = h(
       "button",
       {
@@ -43,14 +47,14 @@ export class Look {
           this.#showCut();
         },
       },
-      t("flip"),
+      T.flip,
     );
     this.#cutRow = h("div", { className: "row cut", hidden: true }, this.#cut, this.#cutText, flip);
     parent.append(
       field(
-        t("style"),
+        T.style,
         select(
-          STYLES.map(value => ({ value, text: t(`style${upper(value)}` as TextKey) })),
+          STYLES.map(value => [value, names[`style${upper(value)}`]!]),
           "voxel",
           value => {
             this.stage.style = value as Style;
@@ -59,8 +63,8 @@ export class Look {
       ),
       this.#channelField,
       segments(
-        t("section"),
-        [{ value: "", text: t("sectionOff") }, ...AXES.map(value => ({ value, text: value }))],
+        T.section,
+        [["", T.sectionOff], ...AXES.map((value): Choice => [value, value])],
         "",
         value => this.#choose(value as Axis | ""),
       ),
@@ -68,22 +72,27 @@ export class Look {
       h(
         "div",
         { className: "row" },
-        h("button", { id: "reset", onclick: () => this.stage.resetView() }, t("resetView")),
+        h("button", { id: "reset", onclick: () => { this.stage.camera = START; } }, T.resetView),
       ),
     );
-    canvas.addEventListener("pointermove", event => {
+    canvas.onpointermove = event => {
       if (event.buttons === 0) this.#pick(event);
-    });
-    canvas.addEventListener("click", event => this.#pick(event)); // a finger does not move there
-    canvas.addEventListener("dblclick", event => {
+    };
+    canvas.onclick = event => this.#pick(event); // a finger does not move there
+    canvas.ondblclick = event => {
       const hit = this.#hit(event);
       this.#from = hit && this.stage.cellOf(hit);
       this.#pick(event);
-    });
-    canvas.addEventListener("pointerleave", () => {
+    };
+    canvas.onpointerleave = () => {
       this.pickText.hidden = true;
-    });
+    };
     this.show({});
+  }
+
+  /** Another mesh comes: no voxel of it is marked. */
+  forget(): void {
+    this.#from = null;
   }
 
   /** Adapts to the grid that is shown. */
@@ -91,13 +100,11 @@ export class Look {
     if (String(meta.dims) !== String(this.#meta.dims)) this.#from = null;
     this.#meta = meta;
     const grid = this.stage.grid;
-    const known: Choice[] = ((this.stage.viewer && grid?.channels) ?? []).map(value => ({
-      value,
-      text: t(`channel_${value}`),
-    }));
+    const channels = (this.stage.viewer && grid?.channels) ?? [];
+    const known: Choice[] = channels.map(value => [value, names[`channel_${value}`]!]);
     const old = this.stage.channel;
-    const kept = known.some(choice => choice.value === old) ? (old as string) : "";
-    setChoices(this.#channels, [{ value: "", text: t("channelOwn") }, ...known], kept);
+    const kept = known.some(([value]) => value === old) ? (old as string) : "";
+    setChoices(this.#channels, [["", T.channelOwn], ...known], kept);
     if (kept !== (old ?? "")) this.stage.channel = null;
     this.#channelField.hidden = known.length === 0;
     if (this.#axis) this.#choose(this.#axis, true);
@@ -140,7 +147,7 @@ export class Look {
     const total = this.#meta.dims?.[k] ?? (grid.dims[k] as number) * scale;
     const cells = Math.min(total, cut * scale);
     this.#cutText.textContent = `${cells} / ${total}`;
-    this.#cut.setAttribute("aria-valuetext", t("sectionAt", { n: cells, total }));
+    this.#cut.setAttribute("aria-valuetext", t(T.sectionAt, { n: cells, total }));
     const sign = this.#isFlipped ? -1 : 1;
     const plane = [0, 0, 0, -sign * place];
     plane[k] = sign;
@@ -165,22 +172,16 @@ export class Look {
       list?.find(one => one.id === id)?.name || `#${id}`;
     const cell = this.stage.cellOf(hit);
     const [x, y, z] = cell;
-    const parts = [t("cell", { x, y, z })];
+    const parts = [t(T.cell, { x, y, z })];
     if (hit.color)
-      parts.push(
-        "#" +
-          hit.color
-            .slice(0, 3)
-            .map(value => value.toString(16).padStart(2, "0"))
-            .join(""),
-      );
+      parts.push("#" + hexOf(hit.color.slice(0, 3)));
     if (hit.material)
-      parts.push(`${t("channel_material")}: ${named(this.#meta.materials, hit.material)}`);
-    if (hit.label) parts.push(`${t("channel_label")}: ${named(this.#meta.labels, hit.label)}`);
+      parts.push(`${names["channel_material"]}: ${named(this.#meta.materials, hit.material)}`);
+    if (hit.label) parts.push(`${names["channel_label"]}: ${named(this.#meta.labels, hit.label)}`);
     if (hit.distance !== undefined)
-      parts.push(t("distanceIs", { n: this.#distanceText(hit.distance * this.stage.scale) }));
+      parts.push(t(T.distanceIs, { n: this.#distanceText(hit.distance * this.stage.scale) }));
     if (hit.coverage !== undefined)
-      parts.push(t("coverageIs", { n: Math.round(100 * hit.coverage) }));
+      parts.push(t(T.coverageIs, { n: Math.round(100 * hit.coverage) }));
     if (this.#from) parts.push(this.#measure(this.#from, cell));
     return parts.join(" · ");
   }
@@ -190,6 +191,6 @@ export class Look {
     const size = this.#meta.voxel_size ?? [1, 1, 1];
     const [x, y, z] = to.map((c, k) => c - (from[k] as number)) as [number, number, number];
     const n = Number(Math.hypot(x * size[0], y * size[1], z * size[2]).toPrecision(4));
-    return t("measure", { x, y, z, n, unit: this.#meta.units ?? "" });
+    return t(T.measure, { x, y, z, n, unit: this.#meta.units ?? "" });
   }
 }

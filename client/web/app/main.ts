@@ -5,8 +5,8 @@ import { App } from "./app";
 import { byId, fill, h } from "./dom";
 import { paintVoxels } from "./icon";
 import { Keys } from "./keys";
-import type { Me } from "./model";
-import { t } from "./texts";
+import type { ErrorBody, Me } from "./model";
+import { linesOf, t, T } from "./texts";
 
 const NOTE_MS = 6000;
 
@@ -17,21 +17,14 @@ let noteTimer = 0;
 /** Tells something that needs no answer. */
 function note(text: string): void {
   status.textContent = text;
-  window.clearTimeout(noteTimer);
-  noteTimer = window.setTimeout(() => {
+  clearTimeout(noteTimer);
+  noteTimer = setTimeout(() => {
     status.textContent = "";
   }, NOTE_MS);
 }
 
 /** Shows an error with what was expected and what came, until it is dismissed. */
 function showProblem(error: unknown): void {
-  const lines =
-    error instanceof Problem
-      ? [
-          error.expected && t("expected", { text: error.expected }),
-          error.got && t("got", { text: error.got }),
-        ]
-      : [];
   const title = error instanceof Error ? error.message : String(error);
   fill(
     banner,
@@ -39,7 +32,7 @@ function showProblem(error: unknown): void {
       "div",
       {},
       h("strong", {}, title),
-      ...lines.map(line => line && h("span", {}, line)),
+      ...linesOf(error as Partial<ErrorBody>).map(line => h("span", {}, line)),
       error instanceof Problem && h("code", {}, error.code),
     ),
     h(
@@ -49,7 +42,7 @@ function showProblem(error: unknown): void {
           banner.hidden = true;
         },
       },
-      t("dismiss"),
+      T.dismiss,
     ),
   );
   banner.className = "problem";
@@ -57,8 +50,8 @@ function showProblem(error: unknown): void {
 }
 
 function showConnection(isOnline: boolean): void {
-  if (isOnline) note(t("online"));
-  fill(banner, h("div", {}, t("offline")));
+  if (isOnline) note(T.online);
+  fill(banner, h("div", {}, T.offline));
   banner.className = "offline";
   banner.hidden = isOnline;
 }
@@ -67,8 +60,8 @@ async function showTenant(api: Api, keys: Keys): Promise<void> {
   const me = await api.json<Me>("/v1/me");
   const button = byId<HTMLButtonElement>("keys");
   button.hidden = me.key === "";
-  button.textContent = t("keyOf", { tenant: me.tenant });
-  button.title = t("keyForget");
+  button.textContent = t(T.keyOf, { tenant: me.tenant });
+  button.title = T.keyForget;
   button.onclick = () => keys.forget();
 }
 
@@ -76,19 +69,23 @@ function start(): void {
   const keys = new Keys(),
     api = new Api();
   api.key = keys.stored();
-  api.onKeyNeeded = refused => keys.ask(refused);
+  api.onKeyNeeded = async refused => {
+    api.key = await keys.ask(refused);
+    void showTenant(api, keys).catch(showProblem);
+    return api.key;
+  };
   api.onConnection = showConnection;
-  api.onBusy = seconds => note(t("busy", { n: seconds }));
+  api.onBusy = seconds => note(t(T.busy, { n: seconds }));
   keys.onForget = () => location.reload();
   const isAdmin = location.pathname === "/admin";
   document.title = isAdmin
-    ? `${t("adminTitle")} · ${t("title")}`
-    : `${t("title")} · ${t("tagline")}`;
-  byId("tagline").textContent = t("tagline");
+    ? `${T.adminTitle} · ${T.title}`
+    : `${T.title} · ${T.tagline}`;
+  byId("tagline").textContent = T.tagline;
   const nav = byId<HTMLAnchorElement>("nav");
   nav.href = isAdmin ? "/" : "/admin";
-  nav.textContent = t(isAdmin ? "home" : "activity");
-  byId("logo").setAttribute("aria-label", t("title"));
+  nav.textContent = (isAdmin ? T.home : T.activity);
+  byId("logo").setAttribute("aria-label", T.title);
   paintVoxels(byId<HTMLCanvasElement>("mark"), 2, (x, y, z) =>
     Math.max(x, y, z) > 1
       ? null

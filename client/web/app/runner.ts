@@ -2,6 +2,7 @@
 // the one before, whose job is cancelled.
 import { isAbort, Problem, type Api } from "./api";
 import { hasEnded, type DryRun, type JobStatus } from "./model";
+import { hexOf } from "./texts";
 
 export type Options = Readonly<Record<string, string | number | readonly string[]>>;
 
@@ -15,6 +16,8 @@ export interface Wish {
 export interface RunnerHooks {
   /** A job waits, runs or has ended; `isPreview`: the one for the eye. */
   onStatus(job: JobStatus, isPreview: boolean): void;
+  /** A job was submitted, also one that is superseded already. */
+  onJob(job: JobStatus): void;
   /** Grids to show: of an ended job, or of a sequence that has a new frame. */
   onGrid(job: JobStatus, isPreview: boolean): Promise<void>;
   onProblem(error: unknown): void;
@@ -23,12 +26,6 @@ export interface RunnerHooks {
 const PREVIEW_SIZE = 128;
 const INSTANT_SECONDS = 0.25; // jobs of less need no preview
 const ANIMATION_OPTIONS = ["animation", "fps", "frames", "times", "root_motion"];
-
-function randomKey(): string {
-  return [...crypto.getRandomValues(new Uint8Array(16))]
-    .map(byte => byte.toString(16).padStart(2, "0"))
-    .join("");
-}
 
 export class Runner {
   #running: AbortController | null = null;
@@ -82,17 +79,15 @@ export class Runner {
     await this.#submitting;
   }
 
-  /** Submits another kind of job and waits for its end, with its states to `onStatus`. */
+  /** Submits another kind of job and waits for its end. */
   async other(
-    body: unknown,
-    onStatus: (job: JobStatus) => void,
+    body: object,
     signal: AbortSignal,
   ): Promise<JobStatus> {
     let job = await this.#submit(body, signal);
-    onStatus(job);
     if (!hasEnded(job)) {
       try {
-        for await (const status of this.api.events(job.id, signal)) onStatus((job = status));
+        for await (const status of this.api.events(job.id, signal)) job = status;
       } catch (error) {
         if (signal.aborted) void this.#cancel(job.id).catch(() => undefined);
         throw error;
@@ -107,11 +102,12 @@ export class Runner {
   }
 
   // A request that is under way is not cut off: its job could not be cancelled.
-  async #submit(body: unknown, signal: AbortSignal): Promise<JobStatus> {
-    const headers = { "Idempotency-Key": randomKey() };
+  async #submit(body: object, signal: AbortSignal): Promise<JobStatus> {
+    const headers = { "Idempotency-Key": hexOf(crypto.getRandomValues(new Uint8Array(16))) };
     const submitted = this.api
       .json<JobStatus>("/v1/jobs", { body, headers, signal, isWhole: true })
       .then(async job => {
+        this.hooks.onJob(job);
         if (signal.aborted) await this.#cancel(job.id);
         return job;
       });
@@ -147,7 +143,7 @@ export class Runner {
   }
 
   // Submits a job and shows its states and grids until it has ended.
-  async #follow(body: unknown, isPreview: boolean, signal: AbortSignal): Promise<JobStatus> {
+  async #follow(body: object, isPreview: boolean, signal: AbortSignal): Promise<JobStatus> {
     let job = await this.#submit(body, signal);
     let framesShown = 0;
     const show = async () => {

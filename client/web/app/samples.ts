@@ -2,11 +2,11 @@
 // dropped, and a picture of it in voxels.
 import type { NamedFile } from "./files";
 import type { Cells } from "./icon";
-import type { TextKey } from "./texts";
+import { T } from "./texts";
 
 export interface Sample {
-  readonly name: TextKey;
-  readonly hint: TextKey;
+  readonly name: string;
+  readonly hint: T;
   readonly icon: Cells; // of 12^3 cells
   make(): Promise<NamedFile[]>;
 }
@@ -386,8 +386,8 @@ const wormIcon: Cells = (x, y, z) => {
 };
 
 export const samples: readonly Sample[] = [
-  { name: "sampleRocket", hint: "sampleRocketHint", icon: rocketIcon, make: rocket },
-  { name: "samplePlanet", hint: "samplePlanetHint", icon: planetIcon, make: planet },
-  { name: "sampleKnot", hint: "sampleKnotHint", icon: knotIcon, make: knot },
-  { name: "sampleWorm", hint: "sampleWormHint", icon: wormIcon, make: worm },
+  { name: "sampleRocket", hint: T.sampleRocketHint, icon: rocketIcon, make: rocket },
+  { name: "samplePlanet", hint: T.samplePlanetHint, icon: planetIcon, make: planet },
+  { name: "sampleKnot", hint: T.sampleKnotHint, icon: knotIcon, make: knot },
+  { name: "sampleWorm", hint: T.sampleWormHint, icon: wormIcon, make: worm },
 ];

@@ -2,7 +2,7 @@
 import { field, fill, h, segments, select, setChoices, setSegment, type Choice } from "./dom";
 import type { AssetDescription, DryRun } from "./model";
 import type { Options } from "./runner";
-import { bytesText, duration, t } from "./texts";
+import { bytesText, duration, names, t, T } from "./texts";
 
 const SIZES = [16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384];
 const SIZE_MAX = 16384;
@@ -20,59 +20,58 @@ const DEFAULTS: Options = {
 const CHANNELS = ["color", "normal", "material", "label", "distance", "coverage"] as const;
 
 const words = (values: readonly string[]): Choice[] =>
-  values.map(value => ({ value, text: value }));
+  values.map(value => [value, value]);
 
 export class Settings {
   /** After a change; `isFinal`: not while a slider is dragged. */
-  onChange: (isFinal: boolean) => void = () => undefined;
+  declare onChange: (isFinal: boolean) => void;
 
   #values: Record<string, string | number> = { ...DEFAULTS } as Record<string, string | number>;
   #channels = new Set<string>();
   #isSized = false; // by hand
   readonly #slider = h("input", {
     type: "range",
-    min: "0",
-    max: String(SIZES.length - 1),
-    step: "1",
+    id: "size-slider",
+    "aria-label": T.size,
+    max: SIZES.length - 1,
   });
   readonly #number = h("input", {
     type: "number",
-    min: "1",
-    max: String(SIZE_MAX),
+    id: "size",
+    min: 1,
+    max: SIZE_MAX,
     inputMode: "numeric",
   });
   readonly #fills: HTMLFieldSetElement;
   readonly #note = h("p", { className: "note", hidden: true });
   readonly #thickness: HTMLElement;
   readonly #animations = h("select");
-  readonly #fps = h("input", { type: "number", min: "0.01", max: "1000", step: "any" });
+  readonly #fps = h("input", { type: "number", min: 0.01, max: 1000, step: "any" });
   readonly #animationFields: HTMLElement;
   #description: AssetDescription | null = null;
 
   constructor(parent: HTMLElement) {
     this.#fills = segments(
-      t("fill"),
+      T.fill,
       [
-        { value: "surface", text: t("surface") },
-        { value: "solid", text: t("solid") },
-        { value: "shell", text: t("shell") },
-        { value: "band", text: t("band") },
+        ["surface", T.surface],
+        ["solid", T.solid],
+        ["shell", T.shell],
+        ["band", T.band],
       ],
       "surface",
       value => this.#set("fill", value),
     );
-    this.#thickness = field(t("thickness"), this.#numberInput("thickness", 1, 256, "1"));
+    this.#thickness = field(T.thickness, this.#numberInput("thickness", 1, 256, 1));
     this.#thickness.hidden = true;
     this.#animationFields = h(
       "div",
       { className: "stack", hidden: true },
-      field(t("animation"), this.#animations),
-      field(t("fps"), this.#fps),
+      field(T.animation, this.#animations),
+      field(T.fps, this.#fps),
     );
-    this.#animations.addEventListener("change", () =>
-      this.#set("animation", this.#animations.value),
-    );
-    this.#fps.addEventListener("change", () => this.#set("fps", this.#fps.value));
+    this.#animations.onchange = () => this.#set("animation", this.#animations.value);
+    this.#fps.onchange = () => this.#set("fps", this.#fps.value);
     parent.append(
       this.#sizeField(),
       this.#animationFields,
@@ -114,11 +113,13 @@ export class Settings {
     setChoices(
       this.#animations,
       [
-        { value: "", text: t("animationNone") },
-        ...usable.map(({ animation, index }) => ({
-          value: String(index),
-          text: `${animation.name || index} (${duration(animation.duration_s)})`,
-        })),
+        ["", T.animationNone],
+        ...usable.map(
+          ({ animation, index }): Choice => [
+            String(index),
+            `${animation.name || index} (${duration(animation.duration_s)})`,
+          ],
+        ),
       ],
       usable[0] ? String(usable[0].index) : "",
     );
@@ -147,7 +148,7 @@ export class Settings {
       isOpen &&
       (this.#values["fill"] === "solid" || this.#values["fill"] === "shell")
     );
-    this.#note.textContent = t("solidNote");
+    this.#note.textContent = T.solidNote;
   }
 
   #showSize(): void {
@@ -161,7 +162,7 @@ export class Settings {
       0,
     );
     this.#slider.value = String(nearest);
-    this.#slider.setAttribute("aria-valuetext", `${size} ${t("sizeUnit")}`);
+    this.#slider.setAttribute("aria-valuetext", `${size} ${T.sizeUnit}`);
   }
 
   #sizeField(): HTMLElement {
@@ -171,9 +172,9 @@ export class Settings {
       this.#showSize();
       this.onChange(isFinal);
     };
-    this.#slider.addEventListener("input", () => slide(false));
-    this.#slider.addEventListener("change", () => slide(true));
-    this.#number.addEventListener("change", () => {
+    this.#slider.oninput = () => slide(false);
+    this.#slider.onchange = () => slide(true);
+    this.#number.onchange = () => {
       this.#values["size"] = Math.max(
         1,
         Math.min(SIZE_MAX, Math.round(Number(this.#number.value)) || 128),
@@ -181,31 +182,28 @@ export class Settings {
       this.#isSized = true;
       this.#showSize();
       this.onChange(true);
-    });
-    this.#slider.id = "size-slider";
-    this.#number.id = "size";
-    this.#slider.setAttribute("aria-label", t("size"));
+    };
     return h(
       "div",
       { className: "size" },
-      h("label", { htmlFor: "size" }, t("size")),
+      h("label", { htmlFor: "size" }, T.size),
       this.#number,
       this.#slider,
-      h("small", {}, t("sizeUnit")),
+      h("small", {}, T.sizeUnit),
     );
   }
 
   #colorField(): HTMLElement {
     return field(
-      t("color"),
+      T.color,
       select(
         [
-          { value: "average", text: t("colorAverage") },
-          { value: "nearest", text: t("colorNearest") },
-          { value: "dominant", text: t("colorDominant") },
-          { value: "shaded", text: t("colorShaded") },
-          { value: "axis", text: t("colorAxis") },
-          { value: "none", text: t("colorNone") },
+          ["average", T.colorAverage],
+          ["nearest", T.colorNearest],
+          ["dominant", T.colorDominant],
+          ["shaded", T.colorShaded],
+          ["axis", T.colorAxis],
+          ["none", T.colorNone],
         ],
         "average",
         value => this.#set("color", value),
@@ -213,11 +211,11 @@ export class Settings {
     );
   }
 
-  #numberInput(name: string, min: number, max: number, value: string): HTMLInputElement {
+  #numberInput(name: string, min: number, max: number, value: number): HTMLInputElement {
     return h("input", {
       type: "number",
-      min: String(min),
-      max: String(max),
+      min,
+      max,
       value,
       onchange: (event: Event) => this.#set(name, Number((event.target as HTMLInputElement).value)),
     });
@@ -236,42 +234,42 @@ export class Settings {
             this.onChange(true);
           },
         }),
-        t(`channel_${name}` as "channel_color"),
+        names[`channel_${name}`]!,
       );
     const choose = (name: string, choices: readonly Choice[]) =>
       select(choices, String(DEFAULTS[name]), value => this.#set(name, value));
     return h(
       "details",
       {},
-      h("summary", {}, t("more")),
+      h("summary", {}, T.more),
       field(
-        t("rule"),
+        T.rule,
         choose("rule", [
-          { value: "touch", text: t("ruleTouch") },
-          { value: "thin", text: t("ruleThin") },
-          { value: "center", text: t("ruleCenter") },
+          ["touch", T.ruleTouch],
+          ["thin", T.ruleThin],
+          ["center", T.ruleCenter],
         ]),
       ),
-      field(t("up"), choose("up", words(["y", "z"]))),
-      field(t("padding"), this.#numberInput("padding", 0, 512, "0")),
+      field(T.up, choose("up", words(["y", "z"]))),
+      field(T.padding, this.#numberInput("padding", 0, 512, 0)),
       field(
-        t("sign"),
+        T.sign,
         choose("sign", words(["auto", "parity", "nonzero", "majority", "flood", "winding"])),
       ),
       field(
-        t("interior"),
+        T.interior,
         choose("interior", [
-          { value: "none", text: t("interiorNone") },
-          { value: "nearest", text: t("interiorNearest") },
+          ["none", T.interiorNone],
+          ["nearest", T.interiorNearest],
         ]),
       ),
       h(
         "fieldset",
         { className: "checks" },
-        h("legend", {}, t("channels")),
+        h("legend", {}, T.channels),
         ...CHANNELS.map(channel),
       ),
-      field(t("labels"), choose("labels", words(["mesh", "node", "material", "group"]))),
+      field(T.labels, choose("labels", words(["mesh", "node", "material", "group"]))),
     );
   }
 
@@ -290,7 +288,7 @@ export class Settings {
 
 /** The price of a dry run as one line. */
 export function priceText(price: DryRun): string {
-  if (price.cached) return t("priceCached");
+  if (price.cached) return T.priceCached;
   const {
     seconds_low: low,
     seconds_high: high,
@@ -300,11 +298,11 @@ export function priceText(price: DryRun): string {
   const seconds =
     duration(low) === duration(high)
       ? duration(high)
-      : t("between", { low: duration(low), high: duration(high) });
+      : t(T.between, { low: duration(low), high: duration(high) });
   const wait = (price.expected_start_ms - Date.now()) / 1000;
   return (
-    `${t("price", { seconds, memory: bytesText(memory), bytes: bytesText(bytes) })} · ` +
-    (wait > 1 ? t("priceWait", { wait: duration(wait) }) : t("priceNow"))
+    `${t(T.price, { seconds, memory: bytesText(memory), bytes: bytesText(bytes) })} · ` +
+    (wait > 1 ? t(T.priceWait, { wait: duration(wait) }) : T.priceNow)
   );
 }
 

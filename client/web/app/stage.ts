@@ -2,7 +2,8 @@
 import { isAbort, type Api } from "./api";
 import { createViewer } from "../view/create_viewer";
 import { levelFor, partFor, type Part } from "./detail";
-import { Picture, START } from "./picture";
+import { Picture } from "./picture";
+import { START } from "../view/controls";
 import type { GridMeta } from "./model";
 import type { Camera, Channel, GridInfo, Hit, Section, Style, Vec3, Viewer } from "../view/viewer";
 
@@ -20,9 +21,8 @@ export class Stage {
   viewer: Viewer | null; // null without WebGL 2, or once its context is lost for good
   readonly picture: Picture;
   level = 0; // of the grid that is shown
-  onCamera: ((camera: Camera) => void) | null = null;
-  onLost: () => void = () => undefined;
-  onProblem: (error: unknown) => void = () => undefined;
+  declare onLost: () => void;
+  declare onProblem: (error: unknown) => void;
 
   #shown: Shown | null = null;
   #info: GridInfo | null = null;
@@ -43,13 +43,9 @@ export class Stage {
   ) {
     this.viewer = wantsViewer ? createViewer(canvas, workerUrl) : null;
     this.picture = new Picture(image, api);
-    this.picture.onCamera = camera => this.onCamera?.(camera);
     this.picture.onProblem = error => this.onProblem(error);
     if (this.viewer) {
-      this.viewer.onCamera = camera => {
-        this.onCamera?.(camera);
-        this.#refineSoon();
-      };
+      this.viewer.onCamera = () => this.#refineSoon();
       this.viewer.onLost = () => this.#lose();
     }
     canvas.hidden = !this.viewer;
@@ -92,10 +88,6 @@ export class Stage {
     if (this.viewer) this.viewer.section = section;
     else this.picture.redraw();
     this.#refineSoon();
-  }
-
-  resetView(): void {
-    this.camera = { ...START };
   }
 
   /** The cell of level 0 under a point, or the first one of its cube; and cells on a cube's side. */
@@ -155,9 +147,9 @@ export class Stage {
   }
 
   #refineSoon(): void {
-    window.clearTimeout(this.#rest);
+    clearTimeout(this.#rest);
     if (!this.level) return;
-    this.#rest = window.setTimeout(() => {
+    this.#rest = setTimeout(() => {
       this.#refine().catch((error: unknown) => {
         if (!isAbort(error)) this.onProblem(error);
       });

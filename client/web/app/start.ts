@@ -3,7 +3,7 @@ import { byId, fill, h } from "./dom";
 import type { NamedFile } from "./files";
 import { paintVoxels, type Cells } from "./icon";
 import { samples } from "./samples";
-import { t } from "./texts";
+import { names, t, T } from "./texts";
 
 const HERO_CELLS = [5, 8, 12, 18, 30]; // of one picture after the other
 const HERO_MS = 520;
@@ -26,17 +26,17 @@ function paintHero(): void {
     const n = HERO_CELLS[step];
     if (n === undefined) return;
     paintVoxels(hero, n, scaled(rocket, n));
-    window.setTimeout(() => paint(step + 1), HERO_MS);
+    setTimeout(() => paint(step + 1), HERO_MS);
   };
   paint(isCalm ? HERO_CELLS.length - 1 : 0);
 }
 
 function whereText(): string {
   const isLoopback = /^(localhost|127(\.\d+){3}|\[::1\])$/.test(location.hostname);
-  if (isLoopback) return t("goesHere");
+  if (isLoopback) return T.goesHere;
   return (
-    t("goesTo", { host: location.host }) +
-    (location.protocol === "https:" ? "" : ` ${t("goesPlain")}`)
+    t(T.goesTo, { host: location.host }) +
+    (location.protocol === "https:" ? "" : ` ${T.goesPlain}`)
   );
 }
 
@@ -46,16 +46,16 @@ export function showStart(
   onProblem: (error: unknown) => void,
 ): void {
   const start = byId("start");
-  (start.querySelector("h1") as HTMLElement).textContent = t("dropTitle");
-  byId("hint").textContent = t("dropHint");
+  (start.querySelector("h1") as HTMLElement).textContent = T.dropTitle;
+  byId("hint").textContent = T.dropHint;
   byId("where").textContent = whereText();
   const files = h("input", { type: "file", id: "files", multiple: true, className: "away" });
   const folder = h("input", { type: "file", id: "folder", multiple: true, className: "away" });
   folder.webkitdirectory = true;
   fill(
     byId("choose"),
-    h("label", { htmlFor: "files", className: "button primary" }, t("choose"), files),
-    h("label", { htmlFor: "folder", className: "button" }, t("chooseFolder"), folder),
+    h("label", { htmlFor: "files", className: "button primary" }, T.choose, files),
+    h("label", { htmlFor: "folder", className: "button" }, T.chooseFolder, folder),
   );
   const list = h("div", { className: "cards" });
   for (const sample of samples) {
@@ -66,11 +66,11 @@ export function showStart(
         "button",
         { className: "sample", onclick: () => void sample.make().then(onFiles, onProblem) },
         canvas,
-        h("span", {}, t(sample.name)),
-        h("small", {}, t(sample.hint)),
+        h("span", {}, names[sample.name]),
+        h("small", {}, sample.hint),
       ),
     );
   }
-  fill(byId("samples"), h("h2", {}, t("samples")), list);
+  fill(byId("samples"), h("h2", {}, T.samples), list);
   paintHero();
 }

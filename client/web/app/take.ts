@@ -7,7 +7,7 @@ import type { DryRun, JobStatus } from "./model";
 import { viewOptions } from "./picture";
 import type { Options, Runner, Wish } from "./runner";
 import type { Stage } from "./stage";
-import { bytesText, t } from "./texts";
+import { bytesText, t, T } from "./texts";
 
 /** The result that is taken home. */
 export interface Source {
@@ -19,60 +19,52 @@ export interface Source {
 
 const HOUR_SECONDS = 3600;
 const LIFETIMES = [
-  ["hour", 1],
-  ["day", 24],
-  ["week", 168],
-  ["month", 720],
+  [T.hour, 1],
+  [T.day, 24],
+  [T.week, 168],
+  [T.month, 720],
 ] as const;
 const TURNTABLE = { turntable: 36, rate: 18, width: 400, height: 400 };
 const IMAGE_SIDE_MAX = 4096;
 
+/** An input for a side of an image. */
+function side(label: string, value: number): HTMLInputElement {
+  return h("input", { type: "number", min: 1, max: IMAGE_SIDE_MAX, value, "aria-label": label });
+}
+
 export class Take {
-  onProblem: (error: unknown) => void = () => undefined;
-  onNote: (text: string) => void = () => undefined;
-  /** After a job was submitted, for its deletion. */
-  onJob: (job: JobStatus) => void = () => undefined;
+  declare onProblem: (error: unknown) => void;
+  declare onNote: (text: string) => void;
 
   #source: Source | null = null;
   #format: OutputFormat = formats[0] as OutputFormat;
   #values: Record<string, string | number> = {};
   #asking: AbortController | null = null;
-  #busy: AbortController | null = null;
-  readonly #formatSelect: HTMLSelectElement;
+  #busy = new AbortController(); // ends what is made of the mesh
   readonly #optionFields = h("div", { className: "stack" });
   readonly #size = h("span", { className: "quiet" });
   readonly #download = h(
     "button",
     { className: "primary", onclick: () => this.#guard(signal => this.#takeFile(signal)) },
-    t("download"),
+    T.download,
   );
-  readonly #width = h("input", {
-    type: "number",
-    min: "1",
-    max: String(IMAGE_SIDE_MAX),
-    value: "1600",
-  });
-  readonly #height = h("input", {
-    type: "number",
-    min: "1",
-    max: String(IMAGE_SIDE_MAX),
-    value: "1200",
-  });
+  readonly #width = side(T.width, 1600);
+  readonly #height = side(T.height, 1200);
   readonly #transparent = h("input", { type: "checkbox" });
   readonly #gif = h(
     "button",
     { onclick: () => this.#guard(signal => this.#takeGif(signal)) },
-    t("gif"),
+    T.gif,
   );
   readonly #lifetime = select(
-    LIFETIMES.map(([text, hours]) => ({ value: String(hours * HOUR_SECONDS), text: t(text) })),
+    LIFETIMES.map(([text, hours]) => [String(hours * HOUR_SECONDS), text]),
     String(24 * HOUR_SECONDS),
     () => undefined,
   );
-  readonly #link = h("input", { readOnly: true, "aria-label": t("share") });
+  readonly #link = h("input", { readOnly: true, "aria-label": T.share });
   readonly #linkRow = h("div", { className: "row", hidden: true });
   readonly #linkNote = h("p", { className: "note", hidden: true });
-  readonly #code = h("pre", { tabIndex: 0, role: "group" });
+  readonly #code = h("pre", { tabIndex: 0, role: "group", "aria-label": T.copyAs });
   #language: "curl" | "cli" | "python" | "cpp" = "curl";
 
   constructor(
@@ -81,30 +73,26 @@ export class Take {
     private readonly runner: Runner,
     private readonly stage: Stage,
   ) {
-    this.#formatSelect = select(
-      formats.map(format => ({
-        value: format.name,
-        text: `${format.text} (${format.extension})`,
-        group: t(format.group),
-      })),
+    const formatSelect = select(
+      formats.map(({ name, text, extension, group }) => [name, `${text} (${extension})`, group]),
       this.#format.name,
       value => this.#choose(value),
     );
-    this.#formatSelect.id = "format";
-    this.#lifetime.setAttribute("aria-label", t("shareFor"));
+    formatSelect.id = "format";
+    this.#lifetime.setAttribute("aria-label", T.shareFor);
     this.#linkRow.append(
       this.#link,
-      h("button", { onclick: () => this.#copy(this.#link.value) }, t("copy")),
+      h("button", { onclick: () => this.#copy(this.#link.value) }, T.copy),
     );
     parent.append(
-      field(t("format"), this.#formatSelect),
+      field(T.format, formatSelect),
       this.#optionFields,
       h("div", { className: "row" }, this.#download, this.#size),
       h(
         "div",
         { className: "row" },
-        h("button", { onclick: () => this.#guard(signal => this.#share(signal)) }, t("share")),
-        h("span", { className: "quiet" }, t("shareFor")),
+        h("button", { onclick: () => this.#guard(signal => this.#share(signal)) }, T.share),
+        h("span", { className: "quiet" }, T.shareFor),
         this.#lifetime,
       ),
       this.#linkRow,
@@ -118,8 +106,12 @@ export class Take {
   /** Sets the source of all files; null: nothing can be taken. */
   show(source: Source | null): void {
     this.#source = source;
+    if (!source) {
+      this.#busy.abort();
+      this.#busy = new AbortController();
+    }
     this.#linkRow.hidden = this.#linkNote.hidden = true;
-    this.#gif.textContent = source?.job.result?.sequence ? t("gifFrames") : t("gif");
+    this.#gif.textContent = source?.job.result?.sequence ? T.gifFrames : T.gif;
     if (this.#format.options.some(({ name }) => name === "channel")) {
       this.#choose(this.#format.name);
     } else {
@@ -128,19 +120,17 @@ export class Take {
   }
 
   #pictures(): HTMLElement {
-    this.#width.setAttribute("aria-label", t("width"));
-    this.#height.setAttribute("aria-label", t("height"));
     return h(
       "details",
       { id: "pictures" },
-      h("summary", {}, t("picture")),
+      h("summary", {}, T.picture),
       h(
         "div",
         { className: "row" },
         this.#width,
         h("span", { "aria-hidden": "true" }, "×"),
         this.#height,
-        h("label", { className: "check" }, this.#transparent, t("transparent")),
+        h("label", { className: "check" }, this.#transparent, T.transparent),
       ),
       h(
         "div",
@@ -148,7 +138,7 @@ export class Take {
         h(
           "button",
           { id: "png", onclick: () => this.#guard(signal => this.#takePng(signal)) },
-          t("png"),
+          T.png,
         ),
         this.#gif,
       ),
@@ -178,11 +168,10 @@ export class Take {
         text,
       ),
     );
-    this.#code.setAttribute("aria-label", t("copyAs"));
     return h(
       "details",
       { id: "commands" },
-      h("summary", {}, t("copyAs")),
+      h("summary", {}, T.copyAs),
       h(
         "div",
         { className: "row tabs" },
@@ -190,7 +179,7 @@ export class Take {
         h(
           "button",
           { className: "end", onclick: () => this.#copy(this.#code.textContent ?? "") },
-          t("copy"),
+          T.copy,
         ),
       ),
       this.#code,
@@ -209,9 +198,9 @@ export class Take {
             optionText(option),
             h("input", {
               type: "number",
-              min: String(min),
-              max: String(max),
-              value: String(value),
+              min,
+              max,
+              value,
               onchange: (event: Event) =>
                 this.#setValue(
                   option.name,
@@ -228,7 +217,7 @@ export class Take {
         return field(
           optionText(option),
           select(
-            values.map(value => ({ value, text: value })),
+            values.map(value => [value, value]),
             option.values[0] as string,
             value => this.#setValue(option.name, value, option.values[0] as string),
           ),
@@ -277,7 +266,7 @@ export class Take {
       })
       .then(
         price => {
-          this.#size.textContent = t("downloadSize", {
+          this.#size.textContent = t(T.downloadSize, {
             bytes: bytesText(price.estimate.result_bytes),
           });
           this.#size.className = "quiet";
@@ -292,19 +281,16 @@ export class Take {
 
   async #guard(action: (signal: AbortSignal) => Promise<void>): Promise<void> {
     if (!this.#source) return;
-    this.#busy?.abort();
-    const busy = (this.#busy = new AbortController());
     try {
-      await action(busy.signal);
+      await action(this.#busy.signal);
     } catch (error) {
       if (!isAbort(error)) this.onProblem(error);
     }
   }
 
   // The result of an export, or the job's own where it is that.
-  async #made(signal: AbortSignal): Promise<JobStatus> {
-    const name = this.#name;
-    this.onNote(t("preparing", { name }));
+  async #made(name: string, signal: AbortSignal): Promise<JobStatus> {
+    this.onNote(t(T.preparing, { name }));
     return await this.runner.other(
       {
         kind: "export",
@@ -313,7 +299,6 @@ export class Take {
         options: this.#output,
         priority: 10,
       },
-      this.onJob,
       signal,
     );
   }
@@ -329,18 +314,20 @@ export class Take {
   }
 
   async #takeFile(signal: AbortSignal): Promise<void> {
-    const job = await this.#made(signal);
+    const name = this.#name,
+      job = await this.#made(name, signal);
     // By a link, so that the browser writes to the disk and not into memory.
-    followLink((await this.#linkOf(job, HOUR_SECONDS, this.#name, signal)).url);
-    this.onNote(t("downloaded", { name: this.#name, bytes: bytesText(job.result?.bytes ?? 0) }));
+    followLink((await this.#linkOf(job, HOUR_SECONDS, name, signal)).url);
+    this.onNote(t(T.downloaded, { name, bytes: bytesText(job.result?.bytes ?? 0) }));
   }
 
   async #share(signal: AbortSignal): Promise<void> {
-    const job = await this.#made(signal);
-    const link = await this.#linkOf(job, Number(this.#lifetime.value), this.#name, signal);
+    const name = this.#name,
+      job = await this.#made(name, signal);
+    const link = await this.#linkOf(job, Number(this.#lifetime.value), name, signal);
     this.#link.value = new URL(link.url, location.href).href;
     this.#linkRow.hidden = this.#linkNote.hidden = false;
-    this.#linkNote.textContent = t("shared", { date: new Date(link.expires_ms).toLocaleString() });
+    this.#linkNote.textContent = t(T.shared, { date: new Date(link.expires_ms).toLocaleString() });
     this.#link.select();
     this.onNote(this.#linkNote.textContent);
   }
@@ -350,7 +337,7 @@ export class Take {
       Math.max(1, Math.min(IMAGE_SIDE_MAX, Math.round(Number(input.value)) || 512));
     const [width, height] = [side(this.#width), side(this.#height)];
     const name = `${this.#source?.stem}.png`;
-    this.onNote(t("preparing", { name }));
+    this.onNote(t(T.preparing, { name }));
     const { camera, channel, style, section, viewer } = this.stage;
     let blob: Blob;
     if (viewer && (channel || camera.pan.some(value => value !== 0))) {
@@ -367,12 +354,12 @@ export class Take {
       ).blob();
     }
     saveBlob(blob, name);
-    this.onNote(t("downloaded", { name, bytes: bytesText(blob.size) }));
+    this.onNote(t(T.downloaded, { name, bytes: bytesText(blob.size) }));
   }
 
   async #takeGif(signal: AbortSignal): Promise<void> {
     const name = `${this.#source?.stem}.gif`;
-    this.onNote(t("preparing", { name }));
+    this.onNote(t(T.preparing, { name }));
     const { camera, style, section } = this.stage;
     const isSequence = Boolean(this.#source?.job.result?.sequence);
     const { turntable, rate, ...size } = TURNTABLE;
@@ -390,11 +377,10 @@ export class Take {
         options,
         priority: 10,
       },
-      this.onJob,
       signal,
     );
     followLink((await this.#linkOf(job, HOUR_SECONDS, name, signal)).url);
-    this.onNote(t("downloaded", { name, bytes: bytesText(job.result?.bytes ?? 0) }));
+    this.onNote(t(T.downloaded, { name, bytes: bytesText(job.result?.bytes ?? 0) }));
   }
 
   #showCode(): void {
@@ -429,6 +415,6 @@ export class Take {
       document.execCommand("copy");
       area.remove();
     }
-    this.onNote(t("copied"));
+    this.onNote(T.copied);
   }
 }

@@ -1,6 +1,6 @@
 // The timeline of an animation: frames by a slider, and played at their rate.
 import { h } from "./dom";
-import { t } from "./texts";
+import { t, T } from "./texts";
 
 const AHEAD = 8; // frames that are fetched before they are shown
 
@@ -19,23 +19,21 @@ export class Timeline {
   #isDrawing = false;
   readonly #slider = h("input", {
     type: "range",
-    min: "0",
-    step: "1",
-    value: "0",
-    "aria-label": t("frame"),
+    value: 0,
+    "aria-label": T.frame,
   });
   readonly #text = h("output");
-  readonly #button = h("button", { onclick: () => this.#play(!this.#isPlaying) }, t("play"));
+  readonly #button = h("button", { onclick: () => this.#play(!this.#isPlaying) }, T.play);
 
   constructor(
     private readonly element: HTMLElement,
     private readonly hooks: TimelineHooks,
   ) {
     element.append(this.#button, this.#slider, this.#text);
-    this.#slider.addEventListener("input", () => {
+    this.#slider.oninput = () => {
       this.#play(false);
       void this.#seek(Number(this.#slider.value));
-    });
+    };
   }
 
   /** The number of frames that there are so far, of `total`. 0, 0: no animation. */
@@ -56,7 +54,7 @@ export class Timeline {
 
   #showText(): void {
     this.#slider.value = String(this.#frame);
-    this.#text.textContent = t("frameOf", { n: this.#frame + 1, total: this.#total });
+    this.#text.textContent = t(T.frameOf, { n: this.#frame + 1, total: this.#total });
     this.#slider.setAttribute("aria-valuetext", this.#text.textContent);
   }
 
@@ -81,14 +79,14 @@ export class Timeline {
   #play(isPlaying: boolean): void {
     if (this.#isPlaying === isPlaying) return;
     this.#isPlaying = isPlaying;
-    this.#button.textContent = t(isPlaying ? "pause" : "play");
+    this.#button.textContent = (isPlaying ? T.pause : T.play);
     if (isPlaying) void this.#run();
   }
 
   // Frames that cannot be drawn in time are skipped, so that the animation keeps its rate.
   async #run(): Promise<void> {
     let start = performance.now() - (1000 * this.#frame) / this.#fps;
-    while (this.#isPlaying && this.#frames > 1) {
+    while (this.#isPlaying) {
       await new Promise(resolve => requestAnimationFrame(resolve));
       const due = Math.floor(((performance.now() - start) / 1000) * this.#fps);
       const frame = due % this.#frames;

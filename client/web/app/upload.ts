@@ -2,13 +2,7 @@
 import { Problem, type Api } from "./api";
 import { extensionOf, stemOf, type Bundle, type NamedFile } from "./files";
 import type { Asset } from "./model";
-
-export interface UploadStep {
-  readonly kind: "hashing" | "known" | "uploading";
-  readonly name: string;
-  readonly done: number; // bytes of all files
-  readonly total: number;
-}
+import { bytesText, hexOf, t, T } from "./texts";
 
 const BUNDLE_TYPE = "application/vnd.voxeld.bundle+json";
 // Web Crypto takes a file as a whole. Larger ones are sent without asking.
@@ -18,7 +12,7 @@ const HASHED_BYTES_MAX = 256 << 20;
 async function assetId(blob: Blob): Promise<string | null> {
   if (!globalThis.crypto?.subtle || blob.size > HASHED_BYTES_MAX) return null;
   const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", await blob.arrayBuffer()));
-  return "sha256-" + [...digest].map(byte => byte.toString(16).padStart(2, "0")).join("");
+  return "sha256-" + hexOf(digest);
 }
 
 async function knownAsset(api: Api, file: NamedFile, signal: AbortSignal): Promise<Asset | null> {
@@ -38,7 +32,7 @@ async function knownAsset(api: Api, file: NamedFile, signal: AbortSignal): Promi
 export async function uploadBundle(
   api: Api,
   bundle: Bundle,
-  onStep: (step: UploadStep) => void,
+  onStep: (text: string, share: number, isKnown: boolean) => void, // share of the bytes, 0..1
   signal: AbortSignal,
 ): Promise<{ asset: Asset; members: string[] }> {
   const total = bundle.files.reduce((sum, file) => sum + file.blob.size, 0);
@@ -46,24 +40,27 @@ export async function uploadBundle(
   const members: { name: string; asset: string }[] = [];
   let last: Asset | null = null;
   for (const file of bundle.files) {
-    const step = (kind: UploadStep["kind"], of = 0) =>
-      onStep({ kind, name: file.name, done: done + of, total });
-    step("hashing");
+    const { size } = file.blob;
+    const step = (text: T, of = 0) => {
+      const places = { name: file.name, done: bytesText(done + of), total: bytesText(total) };
+      onStep(t(text, places), (done + of) / Math.max(1, total), text === T.knownFile);
+    };
+    step(T.hashing);
     last = await knownAsset(api, file, signal);
     if (last) {
-      step("known", file.blob.size);
+      step(T.knownFile, size);
     } else {
       const path = `/v1/assets?filename=${encodeURIComponent(file.name.slice(file.name.lastIndexOf("/") + 1))}`;
-      step("uploading");
+      step(T.uploading);
       last = await api.upload<Asset>(
         path,
         file.blob,
         "application/octet-stream",
-        sent => step("uploading", Math.min(sent, file.blob.size)),
+        sent => step(T.uploading, Math.min(sent, size)),
         signal,
       );
     }
-    done += file.blob.size;
+    done += size;
     members.push({ name: file.name, asset: last.id });
   }
   const ids = members.map(member => member.asset);

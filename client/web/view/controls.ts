@@ -40,7 +40,7 @@ export class Controls {
   #resetting = 0;
 
   constructor(
-    private readonly canvas: HTMLCanvasElement,
+    private readonly canvas: HTMLElement,
     private readonly target: ControlTarget,
   ) {
     if (!canvas.hasAttribute("tabindex")) canvas.tabIndex = 0;
@@ -161,7 +161,7 @@ export class Controls {
     cancelAnimationFrame(this.#resetting);
     const from = this.target.camera(),
       to: Camera = { ...START, projection: from.projection };
-    if (globalThis.matchMedia("(prefers-reduced-motion: reduce)").matches)
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches)
       return this.target.move(to);
     // The shorter way around.
     const turn = ((((to.azimuth - from.azimuth) % 360) + 540) % 360) - 180,

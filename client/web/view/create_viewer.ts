@@ -85,7 +85,7 @@ class WebGlViewer implements Viewer {
     this.#resizes = new ResizeObserver(() => this.#frames.invalidate(false));
     this.#resizes.observe(canvas);
     this.#watchRatio();
-    globalThis.addEventListener("resize", () => this.#frames.invalidate(false), {
+    addEventListener("resize", () => this.#frames.invalidate(false), {
       signal: this.#listeners.signal,
     });
     const { signal } = this.#listeners;
@@ -253,7 +253,7 @@ class WebGlViewer implements Viewer {
 
   /** Draws again when the ratio of device pixels changes: on another screen, for example. */
   #watchRatio(): void {
-    const query = globalThis.matchMedia(`(resolution: ${globalThis.devicePixelRatio}dppx)`);
+    const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
     query.addEventListener(
       "change",
       () => {
@@ -266,7 +266,7 @@ class WebGlViewer implements Viewer {
 
   #size(): Size {
     const { canvas } = this,
-      ratio = globalThis.devicePixelRatio || 1;
+      ratio = devicePixelRatio || 1;
     return {
       width: Math.max(1, Math.round(canvas.clientWidth * ratio)),
       height: Math.max(1, Math.round(canvas.clientHeight * ratio)),
@@ -315,7 +315,7 @@ class WebGlViewer implements Viewer {
   #upload(): void {
     const shown = this.#drawn;
     if (!shown) return;
-    this.#painter.setGrid(shown.grid, shown.paint?.colors ?? null);
+    this.#painter.textures.upload(shown.grid, shown.paint?.colors ?? null);
     this.#frames.setScene(this.#scene());
     this.#frames.invalidate(false);
   }

@@ -36,15 +36,13 @@ export class Decoder {
     const id = (this.#decoding = ++this.#last);
     const response = await this.#ask({ kind: "decode", id, container });
     if (this.#decoding === id) this.#decoding = 0;
-    if (response.kind !== "decoded") throw new Error("another response than asked for");
-    return response.grid;
+    return (response as Extract<Response, { kind: "decoded" }>).grid;
   }
 
   /** Colours a copy of the grid by a channel; null if it lacks the channel. */
   async paint(channel: Channel, grid: PaintInput): Promise<Painted | null> {
     const response = await this.#ask({ kind: "paint", id: ++this.#last, channel, grid });
-    if (response.kind !== "painted") throw new Error("another response than asked for");
-    return response.painted;
+    return (response as Extract<Response, { kind: "painted" }>).painted;
   }
 
   /** Aborts the decode that runs, if one does. */

@@ -94,7 +94,7 @@ export class Frames {
         canvas,
         painter: { gl },
       } = this,
-      ratio = globalThis.devicePixelRatio || 1;
+      ratio = devicePixelRatio || 1;
     const most = gl.getParameter(gl.MAX_RENDERBUFFER_SIZE) as number;
     const pixels = (css: number): number => Math.min(Math.round(css * ratio), most);
     const width = pixels(canvas.clientWidth),

@@ -1,5 +1,4 @@
 // Draws parts of images with one WebGL2 context.
-import type { PackedGrid, Words } from "../pack/packed_grid";
 import { GridTextures, type Target } from "./gl_objects";
 import type { Variant } from "./params";
 import { Programs } from "./programs";
@@ -20,10 +19,6 @@ export class Painter {
     this.#block = gl.createBuffer();
     gl.bindVertexArray(gl.createVertexArray());
     for (const off of [gl.BLEND, gl.DEPTH_TEST, gl.CULL_FACE, gl.DITHER]) gl.disable(off);
-  }
-
-  setGrid(grid: PackedGrid, colors: Words | null): void {
-    this.textures.upload(grid, colors);
   }
 
   program(variant: Variant): Promise<WebGLProgram> {

@@ -17,10 +17,21 @@ import { Rows } from "./hull";
 import { markEmptyCubes } from "./empty_cubes";
 import { setColorMeans, setNoColorMeans, setNormalMeans } from "./means";
 import { paintOf } from "./paint";
-import * as tables from "./packed_grid";
-import type { Attributes, PackedGrid, Words } from "./packed_grid";
+import {
+  BLOCK_WORDS,
+  BRICK_FIRST,
+  BRICK_NODES,
+  BRICK_WORDS,
+  CHILD,
+  FULL,
+  TABLE_WORDS_MAX,
+  tableOf,
+  TILE_ENTRIES,
+  type Attributes,
+  type PackedGrid,
+  type Words,
+} from "./packed_grid";
 
-const { BLOCK_WORDS, BRICK_WORDS, CHILD, FULL, TILE_ENTRIES } = tables;
 const TILE_LEVELS = 5; // from a brick up to a tile
 
 interface OpenTile {
@@ -33,10 +44,10 @@ function bytesOf(words: Words): Uint8Array<ArrayBuffer> {
 }
 
 function needWords(what: string, words: number): void {
-  if (words > tables.TABLE_WORDS_MAX) {
+  if (words > TABLE_WORDS_MAX) {
     fail(
       `the grid has too many ${what} to draw`,
-      `at most ${tables.TABLE_WORDS_MAX}`,
+      `at most ${TABLE_WORDS_MAX}`,
       String(words),
     );
   }
@@ -66,8 +77,8 @@ export class Packer {
     const side = (cells: number): number => Math.ceil(cells / 256);
     this.#tileDims = [side(dims[0]), side(dims[1]), side(dims[2])];
     this.#nodeWords = this.#tileDims[0] * this.#tileDims[1] * this.#tileDims[2];
-    this.#nodes = tables.tableOf(this.#nodeWords);
-    this.#bricks = tables.tableOf(bricks * BRICK_WORDS);
+    this.#nodes = tableOf(this.#nodeWords);
+    this.#bricks = tableOf(bricks * BRICK_WORDS);
     this.#masks = bytesOf(this.#bricks);
     this.#rows = new Rows(dims);
   }
@@ -112,7 +123,7 @@ export class Packer {
       voxelSize: this.#container.voxelSize,
       voxels: this.#container.voxelCount,
       tileDims: this.#tileDims,
-      nodes: this.#nodes.slice(0, tables.tableOf(this.#nodeWords).length),
+      nodes: this.#nodes.slice(0, tableOf(this.#nodeWords).length),
       nodeWords: this.#nodeWords,
       bricks: this.#bricks,
       brickCount: this.#brickCount,
@@ -132,7 +143,7 @@ export class Packer {
     this.#nodeWords += words;
     if (this.#nodeWords > this.#nodes.length) {
       needWords("table entries", this.#nodeWords);
-      const larger = tables.tableOf(2 * this.#nodes.length);
+      const larger = tableOf(2 * this.#nodes.length);
       larger.set(this.#nodes);
       this.#nodes = larger;
     }
@@ -283,7 +294,7 @@ export class Packer {
     this.#rows.addBrick(cx, cy, cz, this.#masks, byte);
     const at = this.#brickEntry(table, x, y, z);
     this.#nodes[at] = CHILD | this.#brickCount++;
-    bricks[word + tables.BRICK_FIRST] = this.#attributeCount;
+    bricks[word + BRICK_FIRST] = this.#attributeCount;
     let nodes = 0;
     for (let i = 0; i < 8; ++i) {
       const low = bricks[word + 2 * i]!,
@@ -291,14 +302,14 @@ export class Packer {
       if ((low | high) !== 0) nodes |= 1 << i;
       this.#attributeCount += bitCount(low) + bitCount(high);
     }
-    bricks[word + tables.BRICK_NODES] = nodes;
+    bricks[word + BRICK_NODES] = nodes;
   }
 
   #makeAttributes(): Attributes {
     const count = this.#attributeCount,
       attributes: Attributes = {};
     for (const channel of this.#container.channels) {
-      if (channel === "color" || channel === "normal") attributes[channel] = tables.tableOf(count);
+      if (channel === "color" || channel === "normal") attributes[channel] = tableOf(count);
       else if (channel === "distance") attributes.distance = new Int16Array(count);
       else if (channel === "coverage") attributes.coverage = new Uint8Array(count);
       else attributes[channel] = new Uint16Array(count);
