@@ -15,11 +15,8 @@ Result<std::unique_ptr<KeyRing>> KeyRing::open(const std::filesystem::path& data
   std::unique_ptr<KeyRing> ring(new KeyRing(key_file_path(data_dir), check_interval));
   {
     const MutexLock lock(ring->mutex_);
-    Keys none;
-    none.is_open = true;
-    ring->keys_ = std::make_shared<const Keys>(std::move(none));
     ring->seen_ = mark_of(ring->file_);
-    VOXELD_TRY(ring->load());
+    VOXELD_TRY(ring->load(/*was_open=*/true));
   }
   return ring;
 }
@@ -112,23 +109,27 @@ std::shared_ptr<const KeyRing::Keys> KeyRing::current(Look look) const {
   // Before the file is read: what changes after this is seen by the next call.
   const FileMark mark = mark_of(file_);
   if (mark == seen_) return keys_;
-  seen_ = mark;
   ++loads_;
-  status_ = load();
-  if (status_) {
+  // Until the file was read nobody is admitted, also if that ends by an exception; and the next
+  // call reads it again, since it may have been for want of a descriptor or memory.
+  const bool was_open = std::exchange(keys_, nobody_)->is_open;
+  seen_ = {.exists = true};  // the mark of no file
+  Status read = load(was_open);
+  if (read) {
+    seen_ = mark;
     log::info("API keys read", {{"keys", keys_->by_id.size()}});
-  } else {
-    keys_ = std::make_shared<const Keys>();
-    log::error("API keys cannot be read: nobody is admitted",
-               {{"error", status_.error().message()}});
+  } else if (status_.ok() || status_.error().message() != read.error().message()) {
+    log::error("API keys cannot be read: nobody is admitted", {{"error", read.error().message()}});
   }
+  status_ = std::move(read);
   return keys_;
 }
 
-Status KeyRing::load() const {
+Status KeyRing::load(bool was_open) const {
   VOXELD_ASSIGN(auto list, read_keys(file_));
   if (!list) {
-    if (keys_->is_open) return {};
+    if (was_open) keys_ = open_;
+    if (was_open) return {};
     return Error{ErrorCode::kInternal, file_.string() + " is gone", "", ""};
   }
   // The maps point into the list: it is made where it stays.

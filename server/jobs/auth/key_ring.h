@@ -75,17 +75,20 @@ class KeyRing {
   KeyRing(std::filesystem::path file, std::chrono::milliseconds check_interval)
       : file_(std::move(file)), check_interval_(check_interval) {}
   std::shared_ptr<const Keys> current(Look look = Look::kWhenDue) const EXCLUDES(mutex_);
-  Status load() const REQUIRES(mutex_);
+  // Sets keys_. `was_open`: without a file it stays so.
+  Status load(bool was_open) const REQUIRES(mutex_);
   // The holder of the key among these.
   static std::optional<Holder> holder_among(const Keys& keys, std::string_view presented);
 
   const std::filesystem::path file_;
   const std::chrono::milliseconds check_interval_;
+  const std::shared_ptr<const Keys> open_ = std::make_shared<const Keys>(Keys{true, {}, {}, {}});
+  const std::shared_ptr<const Keys> nobody_ = std::make_shared<const Keys>();
   mutable Mutex mutex_;
-  mutable FileMark seen_ GUARDED_BY(mutex_);
+  mutable FileMark seen_ GUARDED_BY(mutex_);  // of the file that keys_ are from
   mutable std::chrono::steady_clock::time_point check_at_ GUARDED_BY(mutex_);
   mutable uint32_t loads_ GUARDED_BY(mutex_) = 0;
-  mutable std::shared_ptr<const Keys> keys_ GUARDED_BY(mutex_);
+  mutable std::shared_ptr<const Keys> keys_ GUARDED_BY(mutex_) = nobody_;
   mutable Status status_ GUARDED_BY(mutex_);
 };
 

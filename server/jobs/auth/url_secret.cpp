@@ -62,13 +62,14 @@ std::shared_ptr<const UrlSecrets::Secrets> UrlSecrets::current() const {
   // Before the file is read: what changes after this is seen by the next call.
   const FileMark mark = mark_of(file_);
   if (secrets_ != nullptr && mark == seen_) return secrets_;
-  seen_ = mark;
+  secrets_ = nullptr;  // whatever becomes of the rest, the next call reads the file again
   auto secrets = read_secrets(file_);
   if (!secrets) {
     log::error("links can be neither signed nor verified", {{"error", secrets.error().message()}});
-    secrets = Secrets();
+    return std::make_shared<const Secrets>();
   }
   secrets_ = std::make_shared<const Secrets>(*std::move(secrets));
+  seen_ = mark;
   return secrets_;
 }
 

@@ -42,6 +42,23 @@ Status expire_frames_of(SqlConnection& connection, std::string_view job, Expiry 
       job, unix_time_ms(), int64_t{why == Expiry::kDeleted});
 }
 
+Status drop_rows(SqlConnection& connection, const ExpiringResult& result) {
+  constexpr std::string_view kIsWorkedOn =
+      "EXISTS (SELECT 1 FROM results w JOIN jobs n ON n.sequence = w.sequence WHERE w.seq = $1"
+      " AND n.state IN ('queued', 'running') AND n.sequence <> '')";
+  VOXELD_TRY(
+      connection.run("DELETE FROM frames WHERE job_id = $2 AND EXISTS"
+                     " (SELECT 1 FROM results WHERE seq = $1 AND expired_ms <> 0) AND NOT EXISTS"
+                     " (SELECT 1 FROM jobs WHERE id = $2) AND NOT " +
+                         std::string(kIsWorkedOn),
+                     result.seq, result.job));
+  return connection.run(
+      "DELETE FROM results WHERE seq = $1 AND expired_ms <> 0 AND NOT EXISTS"
+      " (SELECT 1 FROM jobs WHERE result_seq = $1) AND NOT " +
+          std::string(kIsWorkedOn),
+      result.seq);
+}
+
 // A result that no job refers to leaves no row behind: nobody could ask for it. But rows of frames
 // stay while a live job works on their sequence: they keep the frames' blobs for it.
 Status expire_result(SqlConnection& connection, const ExpiringResult& result, Expiry why,
@@ -52,19 +69,7 @@ Status expire_result(SqlConnection& connection, const ExpiringResult& result, Ex
       connection.run("UPDATE results SET expired_ms = $2, is_deleted = $3, meta_json = '{}',"
                      " warnings_json = '[]' WHERE seq = $1",
                      result.seq, unix_time_ms(), int64_t{why == Expiry::kDeleted}));
-  constexpr std::string_view kIsWorkedOn =
-      "EXISTS (SELECT 1 FROM results w JOIN jobs n ON n.sequence = w.sequence WHERE w.seq = $1"
-      " AND n.state IN ('queued', 'running') AND n.sequence <> '')";
-  VOXELD_TRY(
-      connection.run("DELETE FROM frames WHERE job_id = $2 AND NOT EXISTS"
-                     " (SELECT 1 FROM jobs WHERE id = $2) AND NOT " +
-                         std::string(kIsWorkedOn),
-                     result.seq, result.job));
-  return connection.run(
-      "DELETE FROM results WHERE seq = $1 AND NOT EXISTS"
-      " (SELECT 1 FROM jobs WHERE result_seq = $1) AND NOT " +
-          std::string(kIsWorkedOn),
-      result.seq);
+  return drop_rows(connection, result);
 }
 
 Status forget_job(SqlConnection& connection, std::string_view id, Expiry why, Ids& ids) {
@@ -78,13 +83,14 @@ Status forget_job(SqlConnection& connection, std::string_view id, Expiry why, Id
     result = row.int64(0);
   }
   VOXELD_TRY(connection.run("DELETE FROM jobs WHERE id = $1", id));
-  VOXELD_TRY(
-      connection.run("DELETE FROM results WHERE seq = $1 AND expired_ms <> 0"
-                     " AND NOT EXISTS (SELECT 1 FROM jobs WHERE result_seq = $1)",
-                     result));
-  VOXELD_ASSIGN(SqlStatement kept, connection.query("SELECT 1 FROM results WHERE job_id = $1"
-                                                    " AND expired_ms = 0 LIMIT 1",
-                                                    id));
+  VOXELD_TRY(drop_rows(connection, {result, std::string(id)}));
+  // Kept, or deleted while a live job works on its sequence: its end drops the rows.
+  VOXELD_ASSIGN(SqlStatement kept,
+                connection.query("SELECT 1 FROM results w WHERE w.job_id = $1 AND (w.expired_ms = 0"
+                                 " OR EXISTS (SELECT 1 FROM jobs n WHERE n.sequence = w.sequence"
+                                 " AND n.sequence <> '' AND n.state IN ('queued', 'running')))"
+                                 " LIMIT 1",
+                                 id));
   VOXELD_ASSIGN(const bool is_kept, kept.step());
   if (is_kept) return {};
   VOXELD_TRY(expire_frames_of(connection, id, why, ids));

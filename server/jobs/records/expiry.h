@@ -24,6 +24,9 @@ Status expire_result(SqlConnection& connection, const ExpiringResult& result, Ex
 // The same of the frames of a job. Their rows stay until the job's goes.
 Status expire_frames_of(SqlConnection& connection, std::string_view job, Expiry why,
                         std::vector<std::string>& ids);
+// Inside the caller's transaction: removes the rows of an expired result, and of its frames, that
+// nobody can ask for, unless a live job works on its sequence.
+Status drop_rows(SqlConnection& connection, const ExpiringResult& result);
 // Inside the caller's transaction: removes the rows of a job that has ended: its own, its events,
 // its Idempotency-Key, and those of its result and frames where these have expired. A result that
 // has not expired stays, since equal jobs get it. Adds the blobs that may go to `ids`.

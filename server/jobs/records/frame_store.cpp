@@ -53,6 +53,15 @@ Status insert_frame(SqlConnection& connection, const TaskFrame& frame, const Blo
       static_cast<int64_t>(frame.voxel_count), frame.content_hash, tenant, grid.bytes);
 }
 
+// Empty if the job has not listed it.
+Result<std::string> grid_of(SqlConnection& connection, std::string_view job, int64_t index) {
+  VOXELD_ASSIGN(
+      SqlStatement found,
+      connection.query("SELECT grid FROM frames WHERE job_id = $1 AND frame = $2", job, index));
+  VOXELD_ASSIGN(const bool row, found.step());
+  return row ? found.text(0) : std::string();
+}
+
 Result<int64_t> count_frames(SqlConnection& connection, std::string_view job) {
   VOXELD_ASSIGN(SqlStatement count,
                 connection.query("SELECT COUNT(*) FROM frames WHERE job_id = $1", job));
@@ -63,12 +72,15 @@ Result<int64_t> count_frames(SqlConnection& connection, std::string_view job) {
 }  // namespace
 
 Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, const BlobInfo& grid,
-                                               int64_t frames_total, int64_t bytes_max) {
+                                               int64_t frames_total, int64_t bytes_max,
+                                               std::string* replaced) {
   std::optional<int64_t> listed;
+  std::string earlier;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto tenant, current_tenant(connection, frame));
     if (!tenant) return {};
     VOXELD_ASSIGN(const int64_t used, used_bytes(connection, *tenant));
+    VOXELD_ASSIGN(earlier, grid_of(connection, frame.task, frame.index));
     VOXELD_TRY(insert_frame(connection, frame, grid, *tenant));
     VOXELD_TRY(check_growth(connection, *tenant, used, bytes_max));
     if (frames_total > 0) {
@@ -79,6 +91,7 @@ Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, const Blo
     return {};
   });
   VOXELD_TRY(committed);
+  if (replaced != nullptr && earlier != grid.id) *replaced = std::move(earlier);
   return listed;
 }
 

@@ -26,8 +26,10 @@ class FrameStore {
   // attempt's of the same index. Returns how many the job has now; nullopt when another worker owns
   // the job and nothing changed. Errors: quota-exceeded and payload-too-large where the job's
   // tenant would keep more than `bytes_max` (0: any).
+  // `replaced`: the grid of that earlier frame, which may go; empty if there was none.
   Result<std::optional<int64_t>> add(const TaskFrame& frame, const BlobInfo& grid,
-                                     int64_t frames_total, int64_t bytes_max);
+                                     int64_t frames_total, int64_t bytes_max,
+                                     std::string* replaced = nullptr);
   // By ascending index; those of earlier attempts count. The caller must have checked
   // that the job may be seen.
   Result<std::vector<ListedFrame>> of_job(std::string_view job, const FrameRange& range = {});

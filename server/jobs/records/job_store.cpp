@@ -157,6 +157,23 @@ Status touch_asset(SqlConnection& connection, std::string_view tenant, std::stri
       id, tenant, now_ms);
 }
 
+// A job's grid or sequence is used now: the results that it belongs to.
+Status touch_results(SqlConnection& connection, const Caller& caller, const JobRequest& request,
+                     int64_t now_ms) {
+  const std::string update =
+      std::string("UPDATE results SET used_ms = $2 WHERE expired_ms = 0 AND ") +
+      (caller.sees_all() ? "$3 = $3" : "tenant = $3");
+  if (!request.grid.empty()) {
+    VOXELD_TRY(connection.run(update + " AND grid = $1 AND grid <> ''", request.grid, now_ms,
+                              caller.tenant()));
+    VOXELD_TRY(connection.run(update + " AND job_id IN (SELECT job_id FROM frames WHERE grid = $1)",
+                              request.grid, now_ms, caller.tenant()));
+  }
+  if (request.sequence.empty()) return {};
+  return connection.run(update + " AND sequence = $1 AND sequence <> ''", request.sequence, now_ms,
+                        caller.tenant());
+}
+
 // A row of `jobs` to be.
 struct NewJob {
   const JobRequest& request;
@@ -283,6 +300,7 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     if (!request.asset.empty()) {
       VOXELD_TRY(touch_asset(connection, asset_tenant, request.asset, now));
     }
+    VOXELD_TRY(touch_results(connection, caller, request, now));
     const std::string hash = request_hash(request);
     int64_t cached = 0;
     if (request.options.use_cache) {
@@ -402,11 +420,12 @@ Result<std::optional<JobRecord>> JobStore::fail(std::string_view id, int64_t fen
   return ended;
 }
 
-Result<JobRecord> JobStore::cancel(const Caller& caller, std::string_view id) {
-  std::optional<JobRecord> result;
+Result<JobStore::Cancelled> JobStore::cancel(const Caller& caller, std::string_view id) {
+  Cancelled result;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(JobRecord record, load_job(connection, caller, id));
-    if (record.status.state == JobState::kQueued) {
+    result.ended_now = record.status.state == JobState::kQueued;
+    if (result.ended_now) {
       VOXELD_TRY(end_with_error(connection, id,
                                 {ErrorCode::kCancelled, "the job was cancelled", "", ""}, 0));
       VOXELD_ASSIGN(record, record_change(connection, id));
@@ -414,11 +433,11 @@ Result<JobRecord> JobStore::cancel(const Caller& caller, std::string_view id) {
       VOXELD_TRY(connection.run("UPDATE jobs SET cancel_requested = 1 WHERE id = $1", id));
       record.cancel_requested = true;
     }
-    result = std::move(record);
+    result.record = std::move(record);
     return {};
   });
   VOXELD_TRY(committed);
-  return *std::move(result);
+  return result;
 }
 
 Result<std::vector<std::string>> JobStore::forget(const Caller& caller, std::string_view id) {

@@ -116,8 +116,12 @@ class JobStore {
   // Queued again without counting the attempt, at its place in the order of arrival and with its
   // progress; cancelled where that was asked for.
   Result<std::optional<JobRecord>> preempt(const TaskPreemption& preempt, const LiveJob& live);
+  struct Cancelled {
+    JobRecord record;
+    bool ended_now = false;  // by this call
+  };
   // Idempotent. Queued: cancelled. Running: marked; its worker is told. Errors: not-found.
-  Result<JobRecord> cancel(const Caller& caller, std::string_view id);
+  Result<Cancelled> cancel(const Caller& caller, std::string_view id);
   // Removes the record of a job that has ended, with its events and its Idempotency-Key. Its result
   // stays, as its tenant lists it. Returns the blobs that may go. Errors: not-found, conflict for a
   // job that has not ended.

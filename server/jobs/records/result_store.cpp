@@ -177,19 +177,32 @@ Result<Ids> ResultStore::delete_sequence(const Caller& caller, std::string_view 
   return ids;
 }
 
-Result<Ids> ResultStore::leftover_frames(std::string_view sequence) {
-  VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(SqlStatement rows,
-                reader->query("SELECT DISTINCT f.grid FROM results r JOIN frames f"
-                              " ON f.job_id = r.job_id WHERE r.sequence = $1 AND r.sequence <> ''"
-                              " AND r.expired_ms <> 0",
-                              sequence));
-  Ids ids;
-  while (true) {
-    VOXELD_ASSIGN(const bool row, rows.step());
-    if (!row) return ids;
-    ids.push_back(rows.text(0));
+Result<Ids> ResultStore::drop_leftovers(std::string_view sequence) {
+  constexpr std::string_view kLeft =
+      "SELECT seq, job_id FROM results WHERE sequence = $1 AND sequence <> '' AND expired_ms <> 0";
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    VOXELD_ASSIGN(SqlStatement rows, reader->query(kLeft, sequence));
+    VOXELD_ASSIGN(const bool some, rows.step());
+    if (!some) return Ids();
   }
+  Ids ids;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(SqlStatement rows, connection.query(kLeft, sequence));
+    VOXELD_ASSIGN(const auto results, results_of(std::move(rows)));
+    for (const ExpiringResult& result : results) {
+      {
+        VOXELD_ASSIGN(
+            SqlStatement grids,
+            connection.query("SELECT DISTINCT grid FROM frames WHERE job_id = $1", result.job));
+        VOXELD_TRY(collect_ids(std::move(grids), ids));
+      }
+      VOXELD_TRY(drop_rows(connection, result));
+    }
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return ids;
 }
 
 }  // namespace voxeld

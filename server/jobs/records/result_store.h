@@ -34,8 +34,9 @@ class ResultStore {
   Result<Ids> delete_of_job(const Caller& caller, std::string_view job);
   Result<Ids> delete_grid(const Caller& caller, std::string_view id);
   Result<Ids> delete_sequence(const Caller& caller, std::string_view id);
-  // The grids of a sequence that is not kept any more: live jobs may have kept them back.
-  Result<Ids> leftover_frames(std::string_view sequence);
+  // After the end of a job on the sequence. If that is not kept any more: the grids that may go,
+  // because the job kept them back. The rows that nobody can ask for are removed.
+  Result<Ids> drop_leftovers(std::string_view sequence);
 
  private:
   Database& database_;

@@ -45,15 +45,31 @@ Result<std::vector<ExpiringResult>> old_results(SqlConnection& connection, std::
   }
 }
 
+// Deleted assets `a` whose rows may go: no bytes are left for them to remove, or others keep the
+// bytes. Were those rows kept for that, they would tell who else has the same bytes.
+constexpr std::string_view kForgettable =
+    "(a.bytes < 0 OR (a.deleted_ms <> 0"
+    " AND (EXISTS (SELECT 1 FROM assets n WHERE n.id = a.id AND n.deleted_ms = 0)"
+    "  OR EXISTS (SELECT 1 FROM results n WHERE n.blob = a.id AND n.expired_ms = 0)"
+    "  OR EXISTS (SELECT 1 FROM results n WHERE n.grid = a.id AND n.grid <> ''"
+    "             AND n.expired_ms = 0)"
+    "  OR EXISTS (SELECT 1 FROM results n WHERE n.sequence = a.id AND n.sequence <> ''"
+    "             AND n.expired_ms = 0)"
+    "  OR EXISTS (SELECT 1 FROM frames n WHERE n.grid = a.id AND n.expired_ms = 0))"
+    " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.asset = a.id AND n.asset <> ''"
+    "                 AND n.asset_tenant = a.tenant AND n.state IN ('queued', 'running'))"
+    " AND NOT EXISTS (SELECT 1 FROM bundle_files b JOIN jobs n ON n.asset = b.bundle"
+    "                 WHERE b.asset = a.id AND b.tenant = a.tenant AND n.asset_tenant = a.tenant"
+    "                 AND n.asset <> '' AND n.state IN ('queued', 'running'))))";
+
 Status forget_assets(SqlConnection& connection, int64_t aged_before_ms) {
-  constexpr std::string_view kOld =
-      " (SELECT id, tenant FROM assets WHERE bytes < 0 AND aged_ms <> 0 AND aged_ms < $1"
-      " ORDER BY aged_ms LIMIT $2)";
-  VOXELD_TRY(
-      connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + std::string(kOld),
-                     aged_before_ms, kBatch));
-  return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + std::string(kOld),
-                        aged_before_ms, kBatch);
+  static const std::string old =
+      " (SELECT id, tenant FROM assets a WHERE deleted_ms <> 0 AND aged_ms <> 0 AND aged_ms < $1"
+      " AND " +
+      std::string(kForgettable) + " ORDER BY aged_ms LIMIT $2)";
+  VOXELD_TRY(connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + old,
+                            aged_before_ms, kBatch));
+  return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + old, aged_before_ms, kBatch);
 }
 
 // Whether the database knows a blob that nothing needs: it was deleted, or it expired.
@@ -297,8 +313,8 @@ Result<int64_t> Retention::trim_records_of(std::string_view tenant) {
     if (!jobs.empty()) return {};
     VOXELD_TRY(
         connection.run("DELETE FROM assets WHERE tenant = $1 AND id IN"
-                       " (SELECT id FROM assets WHERE tenant = $1 AND bytes < 0"
-                       "  ORDER BY deleted_ms LIMIT $2) AND bytes < 0",
+                       " (SELECT id FROM assets a WHERE tenant = $1 AND deleted_ms <> 0 AND " +
+                           std::string(kForgettable) + " ORDER BY deleted_ms LIMIT $2)",
                        tenant, kBatch));
     assets = connection.changes();
     return {};

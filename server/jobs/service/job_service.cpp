@@ -57,7 +57,7 @@ void Service::job_ended(const JobRecord& record) noexcept {
       if (!input.empty()) blobs_.suspect(input);
     }
     if (status.sequence.empty()) return;
-    const Status left = let_go(results_.leftover_frames(status.sequence));
+    const Status left = let_go(results_.drop_leftovers(status.sequence));
     if (!left) log::warn("frames may stay behind", {{"error", left.error().message()}});
   });
   step([&] { sweep_.look_at_deleted(); });
@@ -183,14 +183,28 @@ void Service::job_submitted(const JobRecord& record, const SubmitOptions& option
                                 {"kind", job_kind_name(status.kind)}});
   });
   if (status.ended()) return job_changed(record);
-  step([&] {
-    forecast_.changed(record, job_input(record.asset_tenant, status.asset, status.grid));
-  });
+  step([&] { forecast(record); });
   step([&] { update_gauges(); });
   step([&] {
     if (record.deadline_ms != kNoDeadline) deadlines_->look();
   });
   step([&] { tasks_->notify_work(); });
+}
+
+// A worker may have taken and ended the job before the forecast knows of it.
+void Service::forecast(JobRecord record) {
+  const JobInput input = job_input(record.asset_tenant, record.status.asset, record.status.grid);
+  while (true) {
+    forecast_.changed(record, input);
+    if (record.status.ended()) return;
+    auto now = jobs_.get(Caller::daemon(), record.status.id, JobTexts::kBrief);
+    if (now && now->status.version == record.status.version) return;
+    if (now) {
+      record = *std::move(now);
+    } else {
+      record.status.state = JobState::kCancelled;  // its record was removed
+    }
+  }
 }
 
 Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {
@@ -254,14 +268,15 @@ Result<std::vector<JobEvent>> Service::events(const Caller& caller, std::string_
 Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(JobRecord before, jobs_.get(caller, id, JobTexts::kBrief));
   if (before.status.ended()) return std::move(before.status);
-  VOXELD_ASSIGN(JobRecord record, jobs_.cancel(caller, id));
-  if (record.status.ended()) {
-    job_changed(record);
-  } else {
-    board_.request_cancel(record.status.id);
-    overlay(record.status);
+  VOXELD_ASSIGN(JobStore::Cancelled cancelled, jobs_.cancel(caller, id));
+  JobStatus& status = cancelled.record.status;
+  if (cancelled.ended_now) {
+    job_changed(cancelled.record);
+  } else if (!status.ended()) {
+    board_.request_cancel(status.id);
+    overlay(status);
   }
-  return record.status;
+  return std::move(status);
 }
 
 Status Service::forget(const Caller& caller, std::string_view id) {

@@ -149,6 +149,7 @@ class Service final : public JobService {
   using WholeReads = std::counting_semaphore<4>;
 
   void job_submitted(const JobRecord& record, const SubmitOptions& options) noexcept;
+  void forecast(JobRecord record);
   void job_changed(const JobRecord& record) noexcept;
   void job_ended(const JobRecord& record) noexcept;
   void update_gauges();

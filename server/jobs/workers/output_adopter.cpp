@@ -1,5 +1,7 @@
 #include "server/jobs/workers/output_adopter.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -114,7 +116,9 @@ Result<std::optional<BlobInfo>> OutputAdopter::add_frame(const WorkerFiles& file
   VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken, terms.durability));
   // The first frames of a job may come before its first progress.
   const int64_t total = std::max(frame.frames_total, frames_total);
-  auto listed = context_.frames.add(frame, blob, total, terms.limits.bytes);
+  std::string replaced;
+  auto listed = context_.frames.add(frame, blob, total, terms.limits.bytes, &replaced);
+  if (!replaced.empty()) context_.blobs.suspect(std::move(replaced));
   if (!listed) {
     const std::string id = blob.id;
     blob = {};  // lets go of it
@@ -128,13 +132,18 @@ Result<std::optional<BlobInfo>> OutputAdopter::add_frame(const WorkerFiles& file
 }
 
 Status OutputAdopter::add_part(const WorkerFiles& files, const TaskPart& part) {
-  const auto taken = files.take(part.path);
-  VOXELD_TRY(context_.disk.for_data());
-  if (!taken) return taken.error();
-  VOXELD_ASSIGN(const int64_t tiles, tile_count(*taken));
-  VOXELD_TRY(context_.parts.add(part.task, part.position, tiles, *taken));
-  context_.board.tiles_kept(part.task);
-  return {};
+  VOXELD_ASSIGN(const fs::path taken, files.take(part.path));
+  const Status kept = [&]() -> Status {
+    VOXELD_TRY(context_.disk.for_data());
+    VOXELD_ASSIGN(const int64_t tiles, tile_count(taken));
+    return context_.parts.add(part.task, part.position, tiles, taken);
+  }();
+  if (kept) {
+    context_.board.tiles_kept(part.task);
+  } else {
+    ::unlink(taken.c_str());  // the task goes on, perhaps for hours
+  }
+  return kept;
 }
 
 }  // namespace voxeld

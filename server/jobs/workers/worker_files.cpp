@@ -88,7 +88,7 @@ WorkerFolders WorkerFiles::folders() const {
 }
 
 std::vector<fs::path> WorkerFiles::written() const {
-  return {root_ / kOutput, root_ / kCache};
+  return {root_ / kOutput, root_ / kCache, root_ / kTaken};
 }
 
 Result<std::string> WorkerFiles::hand_over(const fs::path& blob) const {

@@ -24,7 +24,7 @@ class WorkerFiles {
   // Makes the folders. Again: nothing.
   Status create() const;
   WorkerFolders folders() const;
-  // The folders that the worker writes to.
+  // The folders of what the worker wrote, with what was taken of it.
   std::vector<std::filesystem::path> written() const;
   // Lets the worker read a blob, and tells under which path. Errors: not-found.
   Result<std::string> hand_over(const std::filesystem::path& blob) const;

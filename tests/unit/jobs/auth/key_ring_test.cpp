@@ -1,6 +1,7 @@
 #include "server/jobs/auth/key_ring.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <chrono>
 #include <fstream>
@@ -130,6 +131,23 @@ TEST_F(KeyRingTest, after_the_interval_a_revoked_key_is_refused) {
   revoke(key);
   std::this_thread::sleep_for(std::chrono::milliseconds(2));
   EXPECT_FALSE(ring->admit(key));
+}
+
+TEST_F(KeyRingTest, a_file_that_cannot_be_opened_for_a_moment_is_read_again) {
+  const std::string key = add("lab"), revoked = add("lab");
+  const auto ring = open();
+  ASSERT_TRUE(ring->admit(key) && ring->admit(revoked));
+  revoke(revoked);
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit none{0, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  const bool is_admitted = ring->admit(key) || ring->admit(revoked);
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &before), 0);
+  EXPECT_FALSE(is_admitted);
+  EXPECT_TRUE(ring->admit(key));
+  EXPECT_FALSE(ring->admit(revoked));
+  EXPECT_TRUE(ring->status());
 }
 
 TEST_F(KeyRingTest, a_file_that_breaks_or_goes_while_the_daemon_runs_admits_nobody) {

@@ -163,6 +163,17 @@ TEST_F(FramesTest, a_frame_outside_the_scratch_directory_fails_the_job) {
   EXPECT_EQ(claim(worker, moving("another")).attempt, 1);
 }
 
+TEST_F(FramesTest, a_frame_that_is_replaced_goes) {
+  submit(moving());
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  worker.frame(*task, 0, "first");
+  worker.frame(*task, 0, "another");
+  EXPECT_TRUE(is_removed(sha256_id("first")));
+  EXPECT_TRUE(blobs().stat(sha256_id("another")));
+}
+
 TEST_F(FramesTest, a_finished_job_is_a_sequence) {
   const JobStatus status = finished();
   EXPECT_EQ(status.state, JobState::kDone);

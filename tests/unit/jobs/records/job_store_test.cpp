@@ -233,11 +233,13 @@ TEST_F(JobStoreTest, a_daemon_that_stops_does_not_cost_an_attempt) {
 
 TEST_F(JobStoreTest, cancelling_a_queued_job_ends_it_and_again_changes_nothing) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
-  const JobStatus status = store_->cancel(Caller::open(), id).value().status;
+  const JobStatus status = store_->cancel(Caller::open(), id).value().record.status;
   EXPECT_EQ(status.state, JobState::kCancelled);
   EXPECT_EQ(status.error->code, ErrorCode::kCancelled);
   EXPECT_EQ(status.error->detail, "the job was cancelled");
-  EXPECT_EQ(store_->cancel(Caller::open(), id).value().status.version, status.version);
+  const JobStore::Cancelled again = store_->cancel(Caller::open(), id).value();
+  EXPECT_EQ(again.record.status.version, status.version);
+  EXPECT_FALSE(again.ended_now);
   EXPECT_FALSE(store_->claim("w").value().has_value());
 }
 
@@ -261,7 +263,7 @@ TEST_F(JobStoreTest, a_tenant_whose_records_take_their_share_of_the_disk_waits_f
 TEST_F(JobStoreTest, cancelling_a_running_job_marks_it_and_it_ends_as_cancelled) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
   const JobRecord running = claim();
-  EXPECT_TRUE(store_->cancel(Caller::open(), id).value().cancel_requested);
+  EXPECT_TRUE(store_->cancel(Caller::open(), id).value().record.cancel_requested);
   EXPECT_EQ(get(id).state, JobState::kRunning);
   ASSERT_TRUE(
       store_->fail(id, running.fence, {ErrorCode::kCancelled, "the job was cancelled", "", ""}, 0)

@@ -201,6 +201,27 @@ TEST_F(ResultStoreTest, a_live_job_keeps_the_frames_of_its_sequence) {
   for (const char* text : {"first", "second"}) EXPECT_TRUE(goes(text)) << text;
 }
 
+TEST_F(ResultStoreTest, of_a_sequence_that_was_deleted_under_a_job_nothing_stays) {
+  put(lab_);
+  const int64_t before = service_->usage(lab_)->bytes;
+  for (const bool is_record_first : {false, true}) {
+    const JobStatus moving = finish_sequence(lab_);
+    const JobStatus waits = render(lab_, "", moving.result->sequence);
+    const auto forget = [&] { ASSERT_TRUE(service_->forget(lab_, moving.id)); };
+    if (is_record_first) forget();
+    ASSERT_TRUE(service_->delete_sequence(lab_, moving.result->sequence));
+    if (!is_record_first) forget();
+    FakeWorker worker = connect();
+    const auto task = worker.claim();
+    ASSERT_TRUE(task && worker.complete(*task, "an image"));
+    EXPECT_EQ(ended(lab_, waits.id).state, JobState::kDone);
+    for (const char* text : {"first", "second"}) EXPECT_TRUE(goes(text)) << text;
+    ASSERT_TRUE(service_->delete_result(lab_, waits.id));
+    ASSERT_TRUE(service_->forget(lab_, waits.id));
+    EXPECT_EQ(service_->usage(lab_)->bytes, before) << "rows count, too";
+  }
+}
+
 TEST_F(ResultStoreTest, a_job_that_lives_has_nothing_to_delete_and_one_that_failed_its_frames) {
   const std::string id = submit_moving(lab_);
   const Status refused = service_->delete_result(lab_, id);

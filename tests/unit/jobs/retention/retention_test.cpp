@@ -124,6 +124,19 @@ TEST_F(RetentionTest, results_expire_by_their_last_use_and_are_gone_then) {
   EXPECT_EQ(retention_.expire_results(1000).value(), 0);
 }
 
+TEST_F(RetentionTest, a_grid_that_a_job_works_on_is_used) {
+  const JobStatus old = made("mesh", "old"), used = made("mesh", "used");
+  ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
+  JobRequest request;
+  request.kind = JobKind::kExport;
+  request.grid = used.result->grid;
+  submit(request);
+  run("export");
+  EXPECT_EQ(retention_.expire_results(1000).value(), 1);
+  EXPECT_FALSE(stored("old"));
+  EXPECT_TRUE(stored("used"));
+}
+
 TEST_F(RetentionTest, no_more_results_go_than_make_the_room_that_is_wanted) {
   for (const char* text : {"one", "two", "three"}) made("mesh", text);
   ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
@@ -169,6 +182,25 @@ TEST_F(RetentionTest, bytes_that_another_result_or_asset_has_stay) {
   ASSERT_TRUE(assets_.mark_deleted(Caller::open(), sha256_id("same")));
   EXPECT_EQ(assets_.remove_unneeded().value(), 1);
   EXPECT_FALSE(stored("same"));
+}
+
+// Else it would tell that somebody else has the same bytes.
+TEST_F(RetentionTest, a_deleted_asset_is_forgotten_whether_or_not_others_have_its_bytes) {
+  const Caller lab = Caller::tenant("lab", false), studio = Caller::tenant("studio", false);
+  const std::string ours = put_blob("ours"), mine = put_blob("mine");
+  for (const std::string& id : {ours, mine}) {
+    ASSERT_TRUE(assets_.put(lab, {id, 4}, "a.ply", "", 0));
+  }
+  ASSERT_TRUE(assets_.put(studio, {ours, 4}, "a.ply", "", 0));
+  for (const std::string& id : {ours, mine}) ASSERT_TRUE(assets_.mark_deleted(lab, id));
+  EXPECT_EQ(assets_.remove_unneeded().value(), 1);
+  age_all();
+  ASSERT_TRUE(retention_.trim_jobs(kEndOfTimeMs, 100));
+  for (const std::string& id : {ours, mine}) {
+    EXPECT_EQ(assets_.get(lab, id).error().code, ErrorCode::kNotFound) << id;
+  }
+  EXPECT_TRUE(assets_.get(studio, ours));
+  EXPECT_TRUE(stored("ours"));
 }
 
 TEST_F(RetentionTest, what_expired_is_not_counted_as_kept) {

@@ -3,12 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <memory>
 #include <string>
+#include <thread>
 
 #include "server/jobs/database/sqlite_database.h"
 #include "server/jobs/retention/age_budget.h"
 #include "server/jobs/retention/kept_clock.h"
+#include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -134,6 +137,19 @@ TEST_F(StoreSweepTest, assets_and_jobs_age_by_the_same_clock) {
   EXPECT_EQ(left(), 2);
   pass(31 * kDayMs);
   EXPECT_EQ(left(), 0);
+}
+
+TEST_F(StoreSweepTest, deletions_without_a_pause_do_not_keep_the_rest_from_its_turn) {
+  std::atomic<int> turns = 0;
+  std::atomic<bool> ends = false;
+  StoreSweep sweep({}, retention_, assets_, blobs_, metrics_, *clock_, [&] { ++turns; });
+  sweep.start();
+  std::thread deleting([&] {
+    while (!ends) sweep.look_at_deleted();
+  });
+  EXPECT_TRUE(testing::comes_true([&] { return turns >= 3; }));
+  ends = true;
+  deleting.join();
 }
 
 TEST(KeptClockTest, a_jump_is_told_once) {

@@ -128,6 +128,16 @@ TEST_F(HostileWorkerTest, meta_of_60000_levels) {
                             "complete.meta_json: JSON: depth of nesting is over the limit");
 }
 
+// What was taken counts, and what is refused goes.
+TEST_F(HostileWorkerTest, parts_that_are_no_containers_do_not_pile_up) {
+  submit("mesh");
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  for (int i = 0; i < 3; ++i) EXPECT_NE(worker.part(*task, 0, "no container").error, "");
+  EXPECT_TRUE(std::filesystem::is_empty(worker.scratch().parent_path() / "taken"));
+}
+
 TEST_F(HostileWorkerTest, meta_of_two_megabytes) {
   const std::string meta = R"({"a":")" + repeated("x", 2'000'000) + "\"}";
   expect_completion_refused([&](TaskCompletion& all) { all.meta_json = meta; },
