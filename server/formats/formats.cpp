@@ -143,7 +143,7 @@ Status check_sequence_encodable(const GridSpec& spec, size_t frames, const Outpu
 
 std::vector<Warning> encode_warnings(const Grid& grid, const OutputOptions& options) {
   if (holds_blocks(options.format)) return minecraft::block_warnings(grid, options.format);
-  if (options.file_layout().is_mesh()) return mesh::mesh_warnings(grid, options.format);
+  if (options.file_layout().is_mesh()) return mesh::mesh_warnings(grid, options);
   std::vector<Warning> warnings = lost_data_warnings(grid, options);
   if (options.format == Format::kVox) append(warnings, vox::scene_warnings(grid.spec));
   if (options.format == Format::kBt) append(warnings, octomap::lattice_warnings(grid.spec));

@@ -82,8 +82,8 @@ Held held_by(const Grid& grid, const OutputOptions& options, const std::string& 
 
 bool has_transparent_voxel(const SparseTile& tile) {
   cancel_point();
-  for (size_t i = 3; i < tile.color.size(); i += 4) {
-    if (tile.color[i] != UINT8_MAX) return true;
+  for (size_t voxel = 0; 4 * voxel < tile.color.size(); ++voxel) {
+    if (tile.color[4 * voxel + 3] != UINT8_MAX && has_own_color(tile, voxel)) return true;
   }
   return false;
 }

@@ -24,7 +24,7 @@ std::vector<Warning> lost_data_warnings(const Grid& grid, const OutputOptions& o
 
 // The names of channels, with commas between them.
 std::string joined_names(const ChannelSet& channels);
-// Whether a voxel is not opaque.
+// Whether a voxel with a colour of its own is not opaque.
 bool has_alpha(const Grid& grid);
 
 // Whether MetaImage (.mha) and NIfTI (.nii) have a word for these units.

@@ -9,8 +9,8 @@
 //
 // In the file z points up: cell (x, y, z) of the grid becomes (x, -z, y), which keeps handedness.
 // If a grid has labels or materials and no colour, each id has a colour (id_color()). Voxels
-// without colour or id (those of full nodes, and all of a grid without either) get the mean colour
-// of the others, or a neutral grey. The root node's attributes hold dims, origin and voxel_size.
+// without colour or id (inside of solids, and all of a grid without either) get the mean colour of
+// the others, or a neutral grey. The root node's attributes hold dims, origin and voxel_size.
 #include <array>
 #include <string>
 #include <vector>

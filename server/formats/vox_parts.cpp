@@ -74,7 +74,7 @@ Colors::Colors(const Grid& grid)
 
 uint32_t Colors::of(const SparseTile& tile, size_t voxel) const {
   if (voxel == kNoAttributes) return other_;
-  if (has_color_) return key_of(&tile.color[4 * voxel]);
+  if (has_color_) return has_own_color(tile, voxel) ? key_of(&tile.color[4 * voxel]) : other_;
   return ids_ ? key_of(id_color(id_samples(tile, *ids_)[voxel]).data()) : other_;
 }
 
@@ -102,7 +102,9 @@ VoxelEntries entries_of(const Grid& grid, const Colors& colors, const Palette& p
                         Dither dither) {
   if (dither != Dither::kNone || palette.index_of.empty()) {
     return choose_entries(grid, palette.colors, dither, [&](const SparseTile& tile, size_t voxel) {
-      return colors.of(tile, voxel);
+      const bool is_inner =
+          grid.channels.color && voxel != kNoAttributes && !has_own_color(tile, voxel);
+      return is_inner ? kNoColorKey : colors.of(tile, voxel);
     });
   }
   VoxelEntries entries;

@@ -26,6 +26,12 @@ struct Grid {
 // palettes use it for the voxels of full nodes. kNeutralColor if no voxel has a colour.
 std::array<uint8_t, 3> mean_color(const Grid& grid);
 inline constexpr std::array<uint8_t, 3> kNeutralColor = {0xb4, 0xb4, 0xb4};
+// Whether a voxel with attributes, of a grid with colours, has a colour of its own: those inside of
+// solids, in bricks that are not full, have (0,0,0,0).
+inline bool has_own_color(const SparseTile& tile, size_t voxel) {
+  const uint8_t* const color = &tile.color[4 * voxel];
+  return (color[0] | color[1] | color[2] | color[3]) != 0;
+}
 
 // An sRGB colour for an id, for images and palettes of grids with ids but no colour. Consecutive
 // ids differ much. Id 0 (none) gives kNeutralColor.

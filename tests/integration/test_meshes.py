@@ -182,6 +182,8 @@ class Meshes(DaemonTest):
                b"property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n"
                b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
                b"0 0 0 200 10 10 128\n1 0 0 200 10 10 128\n0 1 0 200 10 10 128\n3 0 1 2\n")
+        instances = self.daemon.post("/v1/voxelize?size=8&format=glb&mesh=instances&filename=a.ply", ply)
+        self.assertEqual(instances.headers.get("X-Voxeld-Warnings"), "lost-alpha")
         for form, warnings in (("ply", None), ("glb", None), ("obj", "lost-alpha")):
             response = self.daemon.post(f"/v1/voxelize?size=8&format={form}&filename=a.ply", ply)
             self.assertEqual(response.status, 200, response.body)

@@ -3,6 +3,7 @@ import io
 import json
 import os
 import pathlib
+import re
 import subprocess
 import tempfile
 
@@ -60,6 +61,15 @@ class Palettes(DaemonTest):
             np.testing.assert_array_equal(made["color"][..., 3], whole["color"][..., 3])
             colored = whole["color"][..., 3] > 0
             self.check_nearest(whole["color"][colored][:, :3], made["color"][colored][:, :3], palette)
+
+    def test_the_inside_of_a_solid_stays_and_has_no_colour(self):
+        query = "size=60&fill=solid"
+        whole, made = self.npz(query), self.npz(f"{query}&palette={THREE_TEXT}")
+        inside = (whole["occupancy"] > 0) & (whole["color"] == 0).all(-1)
+        self.assertTrue(inside.any())
+        self.assertTrue((made["color"][inside] == 0).all())
+        points = re.search(rb"POINTS (\d+)", self.get(f"{query}&palette={THREE_TEXT}&format=pcd").body)
+        self.assertEqual(int(points[1]), int(whole["occupancy"].sum()))
 
     def test_a_vox_has_the_palette_in_its_order(self):
         palette = vox_palette(self.get(f"size=40&format=vox&palette={THREE_TEXT}").body)

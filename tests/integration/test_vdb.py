@@ -124,6 +124,13 @@ class Vdb(DaemonTest):
                 _, grids, _ = self.check(query + place)
                 self.assertEqual({name for name in grids if name != "alpha"}, names)
 
+    def test_names_that_are_not_utf8_are_written(self):
+        mesh = b"g caf\xe9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+        query = "size=8&channels=label&labels=group&format=vdb&filename=a.obj"
+        response = self.daemon.post("/v1/voxelize?" + query, mesh)
+        self.assertEqual(response.status, 200, response.body)
+        self.assertIn('{"1":"caf\ufffd"}'.encode(), response.body)
+
     def test_a_solid_without_attributes_inside_has_its_tiles(self):
         path, grids, npz = self.check("size=120&fill=solid", "sample.off")
         self.assertGreater(grids["density"].activeVoxelCount(), 100_000)

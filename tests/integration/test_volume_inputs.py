@@ -2,6 +2,7 @@
 import io
 import json
 import pathlib
+import struct
 import subprocess
 import tempfile
 import unittest
@@ -11,6 +12,22 @@ import numpy as np
 from harness import BIN, DaemonTest
 
 SURFACE = "size=61&channels=color"
+
+
+def with_meta(container, meta):
+    """A container with another meta; proto/README.md has the byte map."""
+    def padded(size):
+        return -(-size // 8) * 8
+    text = json.dumps(meta).encode()
+    channels, (tiles, old) = struct.unpack_from("<I", container, 12)[0], struct.unpack_from("<II", container, 80)
+    moved = padded(len(text)) - padded(old)
+    head, rest = bytearray(container[:128]), bytearray(container[128 + padded(old):])
+    struct.pack_into("<I", head, 84, len(text))
+    struct.pack_into("<Q", head, 96, len(container) + moved)
+    for tile in range(tiles):
+        at = tile * padded(36 + 4 * bin(channels).count("1")) + 24
+        struct.pack_into("<Q", rest, at, struct.unpack_from("<Q", rest, at)[0] + moved)
+    return bytes(head) + text.ljust(padded(len(text)), b"\0") + bytes(rest)
 
 
 class VolumeInputs(DaemonTest):
@@ -43,6 +60,32 @@ class VolumeInputs(DaemonTest):
         self.assertEqual(sorted(first.files), sorted(second.files))
         for name in set(first.files) - {"meta"}:
             np.testing.assert_array_equal(second[name], first[name], name)
+
+    def test_a_container_of_a_band_keeps_which_side_is_inside(self):
+        query = "size=64&fill=band"
+        whole = self.sample(query)
+        for more in ("", "&distance=world"):
+            first = np.load(io.BytesIO(self.sample(query + more + "&format=npz")))
+            second = self.npz("", self.sample(query + more), "a.voxg")
+            np.testing.assert_array_equal(second["distance"], first["distance"])
+            self.assertTrue((first["distance"][first["occupancy"] == 0] < 0).any())
+        for more in ("&format=vdb", "&format=ply&mesh=smooth"):
+            direct = self.sample(query + more)
+            again = self.made(more[1:], whole, "a.voxg").body
+            if more == "&format=vdb":
+                self.assertIn(b"level set", again)
+            else:
+                vertices = [body[body.index(b"element vertex"):].split(b"\n")[0] for body in (direct, again)]
+                self.assertEqual(vertices[0], vertices[1])
+
+    def test_units_of_a_container_that_no_file_can_hold_are_left_out(self):
+        whole = self.sample("size=8&color=none")
+        for units in ("m" * 70000, "m\nelement vertex 9", 5, ["m"]):
+            container = with_meta(whole, {"units": units})
+            for form in ("schem", "ply", "nrrd"):
+                self.made(f"format={form}", container, "a.voxg")
+            self.assertEqual(self.meta("", container, "a.voxg")["units"], "")
+        self.assertEqual(self.meta("", with_meta(whole, {"units": "um"}), "a.voxg")["units"], "um")
 
     def test_voxels_colors_and_places_come_back(self):
         first = np.load(io.BytesIO(self.sample(SURFACE + "&format=npz")))

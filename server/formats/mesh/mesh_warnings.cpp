@@ -5,8 +5,9 @@
 #include "server/formats/lost_data.h"
 
 namespace voxeld::mesh {
-std::vector<Warning> mesh_warnings(const Grid& grid, Format format) {
+std::vector<Warning> mesh_warnings(const Grid& grid, const OutputOptions& options) {
   std::vector<Warning> warnings;
+  const Format format = options.format;
   const std::string name(format_name(format));
   ChannelSet lost = grid.channels;
   lost.color = false;
@@ -15,6 +16,10 @@ std::vector<Warning> mesh_warnings(const Grid& grid, Format format) {
   }
   if (format == Format::kObj && has_alpha(grid)) {
     warnings.push_back({"lost-alpha", name + ": vertices have no alpha"});
+  }
+  const bool has_instances = format == Format::kGlb && options.mesh == MeshSurface::kInstances;
+  if (has_instances && has_alpha(grid)) {
+    warnings.push_back({"lost-alpha", name + ": instances have no alpha"});
   }
   const auto& meta = grid.meta.members();
   const auto units = meta.find("units");

@@ -118,22 +118,28 @@ void move_to_crossings(const Field& field, const Cells& cells, Vertex& vertex) {
   for (size_t c = 0; c < 3; ++c) vertex.p_grid[c] += sum[c] / static_cast<float>(crossings);
 }
 
-// The mean in linear light of the cells inside.
+// The mean in linear light of the cells inside that have a colour of their own. Where none has
+// one, as behind voxels of the surface that are mostly outside, that of all cells around.
 Rgba mean_of(const VoxelColors& colors, const Field& field, Inside inside, const Cells& cells) {
-  std::array<uint32_t, 4> sum{};
-  uint32_t count = 0;
-  for (const auto& cell : cells) {
-    if (!cell) continue;
-    if (inside != Inside::kOccupied && !(field.at(cell, 0).value_or(0) < 0)) continue;
-    const Rgba color = colors.of(*cell->tile, cell->attribute);
-    for (unsigned c = 0; c < 3; ++c) sum[c] += linear16_from_srgb8()[byte_of(color, c)];
-    sum[3] += byte_of(color, 3);
-    ++count;
+  for (const bool is_inside : {true, false}) {
+    std::array<uint32_t, 4> sum{};
+    uint32_t count = 0;
+    for (const auto& cell : cells) {
+      if (!cell || !colors.has_own(*cell->tile, cell->attribute)) continue;
+      const bool is_counted =
+          !is_inside || inside == Inside::kOccupied || field.at(cell, 0).value_or(0) < 0;
+      if (!is_counted) continue;
+      const Rgba color = colors.of(*cell->tile, cell->attribute);
+      for (unsigned c = 0; c < 3; ++c) sum[c] += linear16_from_srgb8()[byte_of(color, c)];
+      sum[3] += byte_of(color, 3);
+      ++count;
+    }
+    if (count == 0) continue;
+    std::array<uint8_t, 3> mean{};
+    for (size_t c = 0; c < 3; ++c) mean[c] = srgb8_from_linear16()[(sum[c] + count / 2) / count];
+    return rgba(mean, static_cast<uint8_t>((sum[3] + count / 2) / count));
   }
-  if (count == 0) return colors.other();
-  std::array<uint8_t, 3> mean{};
-  for (size_t c = 0; c < 3; ++c) mean[c] = srgb8_from_linear16()[(sum[c] + count / 2) / count];
-  return rgba(mean, static_cast<uint8_t>((sum[3] + count / 2) / count));
+  return colors.other();
 }
 
 void place_vertices(const VoxelBricks& voxels, const VoxelColors& colors, Inside inside,

@@ -20,7 +20,7 @@ constexpr uint8_t byte_of(Rgba color, unsigned component) {
 }
 
 // The grid's own colours; a colour for each id if it has only ids; otherwise one for all voxels.
-// Voxels of full nodes have the mean colour.
+// Voxels of full nodes, and others inside of solids, have the mean colour.
 class VoxelColors {
  public:
   explicit VoxelColors(const Grid& grid)
@@ -28,9 +28,16 @@ class VoxelColors {
 
   bool several() const { return has_color_ || ids_; }
   Rgba other() const { return other_; }  // of voxels without attributes
+  // Whether a voxel has a colour or an id of its own, as those inside of solids have not.
+  bool has_own(const SparseTile& tile, size_t voxel) const {
+    if (voxel == kNoAttributes) return false;
+    if (has_color_) return has_own_color(tile, voxel);
+    return ids_ && id_samples(tile, *ids_)[voxel] != 0;
+  }
   Rgba of(const SparseTile& tile, size_t voxel) const {
     if (voxel == kNoAttributes) return other_;
     if (has_color_) {
+      if (!has_own_color(tile, voxel)) return other_;
       const uint8_t* color = &tile.color[4 * voxel];
       return rgba({color[0], color[1], color[2]}, color[3]);
     }

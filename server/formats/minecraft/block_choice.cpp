@@ -50,7 +50,8 @@ ChosenBlocks choose_blocks(const Grid& grid, const OutputOptions& options) {
   ChosenBlocks chosen;
   chosen.entries =
       choose_entries(grid, block_colors, options.dither, [&](const SparseTile& tile, size_t voxel) {
-        return colors.of(tile, voxel) & 0xffffff;  // without alpha
+        const bool is_inner = voxel != kNoAttributes && !colors.has_own(tile, voxel);
+        return is_inner ? kNoColorKey : colors.of(tile, voxel) & 0xffffff;  // without alpha
       });
   const std::array<uint64_t, kEntries> cells = count_cells(grid, chosen.entries);
   std::vector<size_t> used;

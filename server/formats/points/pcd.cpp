@@ -8,9 +8,9 @@
 //   distance        F 4: in world units; in voxels if those are no cubes, unless distance=world
 //   coverage        F 4: 0..1
 //
-// The fields of channels are there if the grid has them. Voxels of full nodes have the mean colour,
-// the largest distance inside, coverage 1 and otherwise zeros. Comments hold dims, origin,
-// voxel_size, units and transform.
+// The fields of channels are there if the grid has them. Voxels inside of solids have the mean
+// colour; those of full nodes also the largest distance inside, coverage 1 and otherwise zeros.
+// Comments hold dims, origin, voxel_size, units and transform.
 #include <array>
 #include <cstring>
 #include <string>
@@ -130,7 +130,8 @@ class PcdRecords : public ArrayPieces {
   template <ChannelKind kind, typename Stored>
   uint8_t* put_samples(uint8_t* out, const Stored* stored) const {
     if constexpr (kind == ChannelKind::kColor) {
-      return put_field(out, rgb(stored));
+      const bool has_own = (stored[0] | stored[1] | stored[2] | stored[3]) != 0;
+      return put_field(out, has_own ? rgb(stored) : mean_);
     } else if constexpr (kind == ChannelKind::kVector) {
       for (size_t c = 0; c < 3; ++c) {
         out = put_field(out, static_cast<float>(stored[c]) / INT8_MAX);

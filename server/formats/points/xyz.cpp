@@ -1,6 +1,7 @@
 // Writes points as text: a line "x y z" for the centre of each voxel in world units, in the order
 // of the container (Morton), with " r g b" (sRGB, 0..255) where the grid has colour. Numbers are
-// the shortest that read back as the same double. Voxels of full nodes have the grid's mean colour.
+// the shortest that read back as the same double. Voxels inside of solids have the grid's mean
+// colour.
 #include <array>
 #include <charconv>
 #include <cstdint>
@@ -40,8 +41,8 @@ Status encode_xyz(const Grid& grid, const OutputOptions& /*options*/, OutputFile
       append(text, center.y, ' ');
       append(text, center.z, grid.channels.color ? ' ' : '\n');
       if (!grid.channels.color) return;
-      const uint8_t* color =
-          voxel == kNoAttributes ? mean.data() : tile.color.data() + channels * voxel;
+      const bool is_inner = voxel == kNoAttributes || !has_own_color(tile, voxel);
+      const uint8_t* color = is_inner ? mean.data() : tile.color.data() + channels * voxel;
       append(text, unsigned{color[0]}, ' ');
       append(text, unsigned{color[1]}, ' ');
       append(text, unsigned{color[2]}, '\n');

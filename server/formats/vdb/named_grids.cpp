@@ -123,7 +123,8 @@ bool is_level_set(const Grid& grid) {
 
 std::vector<std::string> names_of_grids(const Grid& grid) {
   std::vector<std::string> names;
-  if (!grid.meta.is_band() || grid.channels.coverage) names.emplace_back("density");
+  const bool is_told_by_distances = grid.meta.is_band() && grid.channels.distance;
+  if (!is_told_by_distances || grid.channels.coverage) names.emplace_back("density");
   if (grid.channels.distance) names.emplace_back("surface");
   if (grid.channels.color) names.emplace_back("color");
   if (grid.channels.color && std::ranges::any_of(grid.tiles, has_transparent)) {

@@ -145,6 +145,7 @@ class Diffusion {
     constexpr auto kMask = static_cast<int32_t>(kSide - 1);
     order_.reserve(tile.attribute_count());
     for_each_mask_voxel(tile, [&](int32_t x, int32_t y, int32_t z, size_t voxel) {
+      if (key_of(tile, voxel) == kNoColorKey) return;
       const auto cell = static_cast<uint32_t>((z & kMask) << 16 | (y & kMask) << 8 | (x & kMask));
       order_.push_back({cell, static_cast<uint32_t>(voxel)});
     });
@@ -247,17 +248,20 @@ class Diffusion {
   size_t laid_ = 0;                              // voxels that were entered
 };
 
+// other: the entry of voxels without a colour.
 std::vector<uint8_t> choose_in_tile(const SparseTile& tile, const NearestEntries& nearest,
-                                    Dither dither, const KeyOfVoxel& key_of) {
-  std::vector<uint8_t> entries(tile.attribute_count());
+                                    Dither dither, const KeyOfVoxel& key_of, uint8_t other) {
+  std::vector<uint8_t> entries(tile.attribute_count(), other);
   if (entries.empty()) return entries;
   switch (dither) {
     case Dither::kNone: {
       KeyCache<uint8_t> cache;
       for (size_t voxel = 0; voxel < entries.size(); ++voxel) {
         if (voxel % kCancelVoxels == 0) cancel_point();
-        entries[voxel] = cache.of(key_of(tile, voxel),
-                                  [&](uint32_t key) { return nearest.of(lab_of(rgb_of(key))); });
+        const uint32_t own = key_of(tile, voxel);
+        if (own == kNoColorKey) continue;
+        entries[voxel] =
+            cache.of(own, [&](uint32_t key) { return nearest.of(lab_of(rgb_of(key))); });
       }
       break;
     }
@@ -265,9 +269,10 @@ std::vector<uint8_t> choose_in_tile(const SparseTile& tile, const NearestEntries
       KeyCache<Mixture> cache;
       for_each_mask_voxel(tile, [&](int32_t x, int32_t y, int32_t z, size_t voxel) {
         if (voxel % kCancelVoxels == 0) cancel_point();
-        const Mixture& mixture = cache.of(key_of(tile, voxel), [&](uint32_t key) {
-          return nearest.mixture(lab_of(rgb_of(key)));
-        });
+        const uint32_t own = key_of(tile, voxel);
+        if (own == kNoColorKey) return;
+        const Mixture& mixture =
+            cache.of(own, [&](uint32_t key) { return nearest.mixture(lab_of(rgb_of(key))); });
         entries[voxel] = mixture[threshold(x, y, z)];
       });
       break;
@@ -290,14 +295,14 @@ VoxelEntries choose_entries(const Grid& grid, std::span<const Rgb> colors, Dithe
   }
   parallel_for(grid.tiles.size(), [&](size_t i) {
     cancel_point();
-    chosen.tiles[i] = choose_in_tile(grid.tiles[i], nearest, dither, key_of);
+    chosen.tiles[i] = choose_in_tile(grid.tiles[i], nearest, dither, key_of, chosen.other);
   });
   return chosen;
 }
 
 std::vector<uint8_t> choose_tile_entries(const SparseTile& tile, std::span<const Rgb> colors,
                                          Dither dither, const KeyOfVoxel& key_of) {
-  return choose_in_tile(tile, NearestEntries(colors), dither, key_of);
+  return choose_in_tile(tile, NearestEntries(colors), dither, key_of, 0);
 }
 
 }  // namespace voxeld

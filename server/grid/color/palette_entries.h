@@ -22,6 +22,9 @@ struct VoxelEntries {
   }
 };
 
+// The key of a voxel with attributes that has no colour of its own: it gets the entry of the voxels
+// of full nodes, and no dither reaches it.
+inline constexpr uint32_t kNoColorKey = uint32_t{1} << 24;
 // The key of a voxel's colour; the voxel is a number in the tile, or kNoAttributes. Thread-safe.
 using KeyOfVoxel = std::function<uint32_t(const SparseTile& tile, size_t voxel)>;
 
@@ -42,7 +45,7 @@ using KeyOfVoxel = std::function<uint32_t(const SparseTile& tile, size_t voxel)>
 VoxelEntries choose_entries(const Grid& grid, std::span<const Rgb> colors, Dither dither,
                             const KeyOfVoxel& key_of);
 
-// The same for one tile: the entries of its voxels with attributes.
+// The same for one tile: the entries of its voxels with attributes; 0 for those without a colour.
 std::vector<uint8_t> choose_tile_entries(const SparseTile& tile, std::span<const Rgb> colors,
                                          Dither dither, const KeyOfVoxel& key_of);
 

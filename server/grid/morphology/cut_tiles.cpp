@@ -22,7 +22,9 @@ bool cuts_transparent(const OutputOptions& options) {
   constexpr std::array kWithoutAlpha = {Format::kVox, Format::kObj,   Format::kPcd,
                                         Format::kQb,  Format::kSchem, Format::kLitematic,
                                         Format::kNbt, Format::kLdr};
-  return std::ranges::count(kWithoutAlpha, options.format) > 0;
+  const bool has_instances =
+      options.format == Format::kGlb && options.mesh == MeshSurface::kInstances;
+  return has_instances || std::ranges::count(kWithoutAlpha, options.format) > 0;
 }
 
 bool has_transparent_voxels(const SparseTile& tile) {

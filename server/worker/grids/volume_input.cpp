@@ -64,20 +64,36 @@ std::vector<Warning> unused_options(const RequestOptions& options) {
   return {{"unused-options", "the file's voxels are taken as they are, without " + names}};
 }
 
+// The units of an uploaded container, if they are a word that files of other formats can hold.
+std::string units_of_container(const json& known) {
+  constexpr size_t kUnitsBytesMax = 64;
+  const auto units = known.find("units");
+  if (units == known.end() || !units->is_string()) return "";
+  const auto& text = units->get_ref<const std::string&>();
+  const bool is_word = text.size() <= kUnitsBytesMax && std::ranges::none_of(text, [](char c) {
+                         return static_cast<unsigned char>(c) < ' ' || c == '"';
+                       });
+  return is_word ? text : "";
+}
+
 // The meta of the grid's container. A container that was uploaded keeps its names and units, that
-// of its distances included.
+// of its distances included, and its fill, which tells on which side cells without voxels are.
 GridMeta volume_meta(const Task& task, const VolumeInput& input, double threshold,
                      const json& facts) {
   const json& known = input.volume.grid.meta.members();
   json meta = {
-      {"source_hash", task.input_hash},    {"source_format", volume_format_name(input.format)},
-      {"units", known.value("units", "")}, {"options", json::object()},
-      {"warnings", describe_warnings({})}, {"algorithm_version", kAlgorithmVersion}};
+      {"source_hash", task.input_hash},     {"source_format", volume_format_name(input.format)},
+      {"units", units_of_container(known)}, {"options", json::object()},
+      {"warnings", describe_warnings({})},  {"algorithm_version", kAlgorithmVersion}};
   const bool has_samples =
       input.format == VolumeFormat::kNpy || input.format == VolumeFormat::kNrrd;
   if (has_samples) meta["options"]["threshold"] = threshold;
   if (input.volume.grid.channels.distance && has_world_distances(known)) {
     meta["options"]["distance"] = known["options"]["distance"];
+  }
+  if (const auto options = known.find("options"); options != known.end() && options->is_object()) {
+    const auto fill = options->find("fill");
+    if (fill != options->end() && fill->is_string()) meta["options"]["fill"] = *fill;
   }
   for (const char* names : {"materials", "labels"}) {
     if (known.contains(names)) meta[names] = known[names];

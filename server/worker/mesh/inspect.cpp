@@ -22,6 +22,11 @@ constexpr size_t kReasonBytesMax = 500;
 constexpr size_t kIdNameBytesMin = 32;
 constexpr size_t kIdListBytesMax = size_t{2} << 20;
 
+// A name as UTF-8: other bytes, and those of a character that was cut off, become U+FFFD.
+json utf8_name(const std::string& name) {
+  return json::parse(json(name).dump(-1, ' ', false, json::error_handler_t::replace));
+}
+
 std::string short_name(const std::string& name) {
   return name.substr(0, kNameBytesMax);
 }
@@ -168,7 +173,7 @@ json describe_ids(const std::vector<std::string>& names) {
                                       kIdNameBytesMin, kNameBytesMax);
   json list = json::array();
   for (const std::string& name : names) {
-    list.push_back({{"id", list.size() + 1}, {"name", name.substr(0, bytes_max)}});
+    list.push_back({{"id", list.size() + 1}, {"name", utf8_name(name.substr(0, bytes_max))}});
   }
   return list;
 }

@@ -92,6 +92,24 @@ TEST(Vox, voxels_of_full_nodes_have_the_mean_colour_of_the_others) {
   EXPECT_EQ(test::encode_as(Format::kVox, grid, {}).error().code, ErrorCode::kGridTooLarge);
 }
 
+TEST(Vox, voxels_inside_of_a_solid_have_the_mean_colour_in_bricks_that_are_not_full_too) {
+  const Grid grid = test::grid_of(
+      {16, 16, 16}, {{.cell = {0, 0, 0}, .color = {200, 10, 10, 255}}, {.cell = {1, 0, 0}}},
+      ChannelSet{.color = true});
+  const std::array<uint8_t, 3> red = {200, 10, 10};
+  const auto scene = written_scene(grid);
+  EXPECT_EQ(scene.cells().at(scene_cell(grid, 1, 0, 0)), red);
+  EXPECT_EQ(scene.palette.at(0), (std::array<uint8_t, 4>{200, 10, 10, 255}));
+  OutputOptions options;
+  options.palette = {{0, 0, 0}, {200, 10, 10}};
+  for (const Dither dither : {Dither::kNone, Dither::kBayer, Dither::kError}) {
+    options.dither = dither;
+    const auto bytes = test::encode_as(Format::kVox, grid, options);
+    ASSERT_TRUE(bytes);
+    for (const auto& [cell, color] : test::VoxReader::read(*bytes).cells()) EXPECT_EQ(color, red);
+  }
+}
+
 TEST(Vox, a_grid_without_colours_has_one_for_each_label_or_material) {
   std::vector<test::TestVoxel> voxels(3);
   for (int i = 0; i < 3; ++i) {
@@ -112,7 +130,7 @@ TEST(Vox, a_grid_without_colours_has_one_for_each_label_or_material) {
               id_color(voxel.label));
   }
   const auto colored = written_scene(test::grid_of(dims, voxels, {.color = true, .label = true}));
-  EXPECT_EQ(colored.cells().begin()->second, (std::array<uint8_t, 3>{0, 0, 0}));
+  EXPECT_EQ(colored.cells().begin()->second, kNeutralColor);
   std::set<std::array<uint8_t, 3>> colors;
   for (uint16_t id = 0; id < 100; ++id) colors.insert(id_color(id));
   EXPECT_EQ(colors.size(), 100u);

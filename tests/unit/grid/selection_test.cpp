@@ -135,6 +135,25 @@ TEST(Palette, gives_each_voxel_the_nearest_colour_and_keeps_its_alpha) {
   EXPECT_EQ(testing::cells_of(testing::tiles_of(selection->tiles())), expected);
 }
 
+TEST(Palette, leaves_voxels_without_a_colour_as_they_are) {
+  Grid grid;
+  grid.spec.dims = {8, 8, 8};
+  grid.channels = {.color = true};
+  grid.tiles = test::tiles_of(
+      {{.cell = {0, 0, 0}, .color = {250, 250, 250, 255}}, {.cell = {1, 0, 0}}}, grid.channels);
+  const GridTiles source(grid);
+  OutputOptions options;
+  options.palette = {{10, 20, 30}, {255, 255, 255}};
+  for (const Dither dither : {Dither::kNone, Dither::kBayer, Dither::kError}) {
+    options.dither = dither;
+    const auto selection = Selection::open(source, options);
+    ASSERT_TRUE(selection);
+    const auto cells = testing::cells_of(testing::tiles_of(selection->tiles()));
+    EXPECT_EQ(cells.at({0, 0, 0}).color, (std::array<int, 4>{255, 255, 255, 255}));
+    EXPECT_EQ(cells.at({1, 0, 0}).color, (std::array<int, 4>{}));
+  }
+}
+
 TEST(Palette, of_a_vox_is_left_to_its_encoder) {
   OutputOptions options;
   options.palette = {{0, 0, 0}};

@@ -125,6 +125,10 @@ TEST(Inspect, a_scene_with_too_many_parts_and_endless_names_stays_a_small_descri
 TEST(Inspect, ids_are_named_in_their_order_and_long_lists_shortly) {
   EXPECT_EQ(describe_ids({"a", ""}), json::parse(R"([{"id":1,"name":"a"},{"id":2,"name":""}])"));
   EXPECT_EQ(describe_ids({std::string(500, 'n')})[0]["name"], std::string(200, 'n'));
+  // Names are UTF-8, whatever the file has, and where they are cut.
+  EXPECT_EQ(describe_ids({"caf\xe9"})[0]["name"], std::string("caf\xef\xbf\xbd"));
+  EXPECT_EQ(describe_ids({std::string(199, 'n') + "\xc3\xa9"})[0]["name"],
+            std::string(199, 'n') + "\xef\xbf\xbd");
   const json many = describe_ids(std::vector<std::string>(65'535, std::string(500, 'n')));
   EXPECT_EQ(many.size(), 65'535u);
   EXPECT_EQ(many[65'534]["id"], 65'535);

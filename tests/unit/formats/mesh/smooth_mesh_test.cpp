@@ -186,6 +186,32 @@ TEST(SmoothMesh, vertices_have_the_mean_colour_of_their_voxels) {
   EXPECT_GT(mixed, 50U);
 }
 
+TEST(SmoothMesh, voxels_inside_without_a_colour_do_not_darken_vertices) {
+  Grid solid = ball_of({.color = true, .distance = true, .coverage = true}, "solid",
+                       [](double distance) { return distance < 1; });
+  for (SparseTile& tile : solid.tiles) {
+    for (size_t i = 0; i < tile.distance.size(); ++i) {
+      // Those that the surface does not touch.
+      if (tile.distance[i] > -0.87 * kDistanceSteps) continue;
+      std::fill_n(tile.color.begin() + static_cast<ptrdiff_t>(4 * i), 4, uint8_t{0});
+    }
+  }
+  for (const bool has_distance : {true, false}) {
+    solid.channels.distance = has_distance;
+    const SurfaceMesh mesh = smooth(solid);
+    ASSERT_GT(mesh.vertices.size(), 1000U);
+    for (const Vertex& vertex : mesh.vertices.span()) {
+      ASSERT_EQ(mesh::byte_of(vertex.color, 3), 255);
+      if (vertex.p_grid[0] > 22) {
+        ASSERT_EQ(vertex.color, mesh::rgba({0, 0, 255}));
+      }
+      if (vertex.p_grid[0] < 20) {
+        ASSERT_EQ(vertex.color, mesh::rgba({255, 0, 0}));
+      }
+    }
+  }
+}
+
 TEST(SmoothMesh, a_solid_of_full_nodes_has_its_surface_at_their_sides) {
   Grid grid = test::grid_of({32, 32, 32}, {}, {.coverage = true});
   SparseTile& tile = grid.tiles.emplace_back();

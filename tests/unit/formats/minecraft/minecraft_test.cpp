@@ -208,6 +208,21 @@ TEST(Minecraft, every_cell_has_the_block_nearest_to_its_colour) {
   }
 }
 
+TEST(Minecraft, voxels_inside_of_a_solid_have_the_block_of_the_mean_colour) {
+  const Grid grid = test::grid_of(
+      {16, 16, 16}, {{.cell = {0, 0, 0}, .color = {200, 10, 10, 255}}, {.cell = {1, 0, 0}}},
+      ChannelSet{.color = true});
+  const std::string red = nearest_block({200, 10, 10});
+  const Blocks expected = {{{0, 0, 0}, red}, {{1, 0, 0}, red}};
+  for (const Format format : kBlockFormats) {
+    for (const Dither dither : {Dither::kNone, Dither::kError}) {
+      OutputOptions options = to_blocks(format);
+      options.dither = dither;
+      EXPECT_EQ(blocks_of(grid, options), expected) << format_name(format);
+    }
+  }
+}
+
 TEST(Minecraft, pieces_of_a_large_grid_fit_together) {
   // 1.4 million cells with rows that no piece's end falls between.
   Grid grid = test::random_grid(6, {131, 103, 107}, 4000, true, false);

@@ -206,6 +206,18 @@ TEST(Qubicle, full_nodes_have_the_mean_colour) {
   EXPECT_EQ(file.cells.at({0, 0, 0}), 0xff1e140aU);
 }
 
+TEST(Points, voxels_inside_of_a_solid_have_the_mean_colour) {
+  const Grid grid = test::grid_of(
+      {16, 16, 16}, {{.cell = {0, 0, 0}, .color = {200, 10, 10, 255}}, {.cell = {1, 0, 0}}},
+      ChannelSet{.color = true});
+  EXPECT_EQ(read_qb(encoded(grid, Format::kQb)).cells.at({1, 0, 0}), 0xff0a0ac8U);
+  const Bytes pcd = encoded(grid, Format::kPcd);
+  size_t last = pcd.size() - 4;
+  EXPECT_EQ(u32_at(pcd, last), 0x00c80a0aU);
+  EXPECT_TRUE(text_of(encoded(grid, Format::kXyz)).ends_with(" 200 10 10\n"));
+  EXPECT_TRUE(text_of(encoded(grid, Format::kCsv)).ends_with(",0,0,0,0\n"));
+}
+
 TEST(Qubicle, pinned_bytes_of_a_row) {
   Grid grid = test::grid_of({5, 1, 1}, {{.cell = {0, 0, 0}, .color = {1, 2, 3, 255}}},
                             ChannelSet{.color = true});

@@ -485,6 +485,14 @@ Grid band_of_sphere(const Cell& dims, const std::array<double, 3>& center, doubl
   return grid;
 }
 
+TEST(Vdb, a_band_without_distances_has_its_voxels_as_density) {
+  Grid grid = test::grid_of({8, 8, 8}, {{.cell = {1, 2, 3}}}, ChannelSet{});
+  grid.meta = GridMeta::parse(R"({"options":{"fill":"band"}})");
+  const VdbFile file = encoded(grid);
+  ASSERT_TRUE(file.grids.contains("density"));
+  EXPECT_EQ(file.grids.at("density").active.size(), 1U);
+}
+
 TEST(Vdb, cells_inside_a_band_are_minus_the_background) {
   const Cell dims = {150, 140, 160};
   for (const double x : {75.0, 0.0, 150.0}) {  // inside, and cut by the grid

@@ -447,6 +447,24 @@ std::string warned(const Grid& grid, OutputOptions options) {
   return codes;
 }
 
+TEST(LostData, voxels_inside_of_a_solid_are_not_transparent) {
+  const Grid grid = test::grid_of(
+      {16, 16, 16}, {{.cell = {0, 0, 0}, .color = {200, 10, 10, 255}}, {.cell = {1, 0, 0}}},
+      ChannelSet{.color = true});
+  EXPECT_EQ(warned(grid, to(Format::kVox)), "");
+  EXPECT_EQ(warned(grid, to(Format::kObj)), "");
+  EXPECT_EQ(warned(grid, to(Format::kSchem)), "not-metres");
+}
+
+TEST(LostData, instances_have_no_alpha) {
+  Grid grid = test::grid_of({4, 4, 4}, {{.cell = {0, 0, 0}, .color = {200, 10, 10, 128}}},
+                            ChannelSet{.color = true});
+  OutputOptions options = to(Format::kGlb);
+  EXPECT_EQ(warned(grid, options), "not-metres");
+  options.mesh = MeshSurface::kInstances;
+  EXPECT_EQ(warned(grid, options), "lost-alpha not-metres");
+}
+
 TEST(LostData, each_format_warns_of_what_it_does_not_hold) {
   Grid grid = every_channel(glm::dvec3(0.5));
   EXPECT_EQ(warned(grid, to(Format::kVti)), "");
