@@ -14,12 +14,18 @@
 namespace voxeld::client {
 namespace {
 
+constexpr int kPartNamesMax = 100;  // names that are tried for a part
+
 // A file beside `path` that replaces it when it is complete.
 class PartFile {
  public:
-  explicit PartFile(const std::filesystem::path& path)
-      : path_(path), part_(path.string() + ".part-" + std::to_string(getpid())) {
-    file_ = std::fopen(part_.c_str(), "wbx");
+  explicit PartFile(const std::filesystem::path& path) : path_(path) {
+    // Another thread may write one, and a process of this number may have left one.
+    const std::string part = path.string() + ".part-" + std::to_string(getpid());
+    for (int i = 0; file_ == nullptr && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {
+      part_ = i == 0 ? part : part + "-" + std::to_string(i);
+      file_ = std::fopen(part_.c_str(), "wbx");
+    }
     if (file_ == nullptr) fail();
   }
   ~PartFile() {

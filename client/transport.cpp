@@ -3,6 +3,7 @@
 #include <curl/curl.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <mutex>
@@ -128,6 +129,19 @@ std::string failure_text(CURL* curl, CURLcode code, std::string_view own, const 
   return "no connection" + std::string(own.substr(after, end - after));
 }
 
+// Hosts that are asked without a proxy: this machine, and those of the user's variable, which
+// libcurl reads only where the option is not set.
+std::string hosts_without_proxy() {
+  std::string hosts = "localhost,127.0.0.1,::1";
+  for (const char* name : {"no_proxy", "NO_PROXY"}) {
+    const char* value = std::getenv(name);
+    if (value == nullptr || *value == '\0') continue;
+    const std::string_view given = value;
+    return given == "*" ? "*" : hosts.append(",").append(given);
+  }
+  return hosts;
+}
+
 template <typename Value>
 void set(CURL* curl, CURLoption option, Value value) {
   curl_easy_setopt(curl, option, value);
@@ -139,6 +153,7 @@ struct Transport::Impl {
   CURL* curl = nullptr;
   std::chrono::seconds connect_timeout, timeout;
   std::string authorization;  // a header line; empty: none
+  std::string without_proxy = hosts_without_proxy();
 };
 
 Transport::Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout,
@@ -164,7 +179,7 @@ HttpResponse Transport::exchange(const HttpRequest& request) {
   char error_text[CURL_ERROR_SIZE] = "";
   set(curl, CURLOPT_URL, request.url.c_str());
   set(curl, CURLOPT_PROTOCOLS_STR, "http,https");
-  set(curl, CURLOPT_NOPROXY, "localhost,127.0.0.1,::1");
+  set(curl, CURLOPT_NOPROXY, impl_->without_proxy.c_str());
   set(curl, CURLOPT_NOSIGNAL, 1L);
   set(curl, CURLOPT_ERRORBUFFER, error_text);
   set(curl, CURLOPT_CONNECTTIMEOUT, static_cast<long>(impl_->connect_timeout.count()));

@@ -115,6 +115,13 @@ bool is_mesh_name(const std::string& path) {
   return names.contains(std::filesystem::path(path).extension().string());
 }
 
+// The file that a path leads to, which need not exist.
+std::filesystem::path real_path(const std::string& path) {
+  std::error_code failed;
+  auto real = std::filesystem::weakly_canonical(path, failed);
+  return failed ? std::filesystem::path(path) : real;
+}
+
 // Distributes the inputs: a batch, or one mesh and the files beside it.
 void take_inputs(std::vector<std::string> inputs, std::string_view extension,
                  Arguments& arguments) {
@@ -129,6 +136,8 @@ void take_inputs(std::vector<std::string> inputs, std::string_view extension,
   if (!arguments.output.empty()) throw CLI::ExcludesError("--out-dir", "--output");
   if (inputs.empty()) throw CLI::RequiredError("a mesh file");
   std::map<std::string, std::string> made_of;
+  std::set<std::filesystem::path> meshes;
+  for (const std::string& input : inputs) meshes.insert(real_path(input));
   for (const std::string& input : inputs) {
     if (input == "-")
       throw CLI::ValidationError("--out-dir", "stdin has no name to call a file by");
@@ -140,6 +149,9 @@ void take_inputs(std::vector<std::string> inputs, std::string_view extension,
       std::string what = other->second;
       what.append(" and ").append(input).append(" would both go to ").append(path);
       throw CLI::ValidationError("--out-dir", what);
+    }
+    if (meshes.contains(real_path(path))) {
+      throw CLI::ValidationError("--out-dir", path + " is a mesh of this call and would be lost");
     }
     arguments.batch.push_back({input, path});
   }
@@ -176,17 +188,17 @@ void check_render(std::vector<std::string> inputs, Given& given, Arguments& argu
 }
 
 void check_combinations(const Arguments& arguments) {
+  const bool is_result =  // of a job that was made before
+      arguments.command == Arguments::Command::kJobs && !arguments.output.empty();
   const bool writes = arguments.command == Arguments::Command::kVoxelize ||
-                      arguments.command == Arguments::Command::kRender;
+                      arguments.command == Arguments::Command::kRender || is_result;
   const bool has_stdout = arguments.output.empty() || arguments.output == "-";
   if (writes && arguments.json && has_stdout && arguments.out_dir.empty() && !arguments.dry_run) {
     throw CLI::ValidationError("--json", "needs -o FILE: stdout carries the JSON");
   }
   if (arguments.cancel && arguments.job.empty()) throw CLI::RequiredError("the job's id");
-  if (!arguments.output.empty() && arguments.command == Arguments::Command::kJobs &&
-      arguments.job.empty()) {
-    throw CLI::RequiredError("the job's id");
-  }
+  if (is_result && arguments.job.empty()) throw CLI::RequiredError("the job's id");
+  if (is_result && arguments.cancel) throw CLI::ExcludesError("--cancel", "--output");
   if (arguments.is_local.value_or(false) && !arguments.url.empty()) {
     throw CLI::ValidationError("--local",
                                "a private voxeld has a URL of its own; got --url " + arguments.url);
@@ -371,11 +383,23 @@ void check_first_word(const CLI::App& app, const std::vector<std::string>& input
                              "neither a command nor a file; did you mean " + near + "?");
 }
 
+// Options of voxel itself before the name of a command: render takes them, others have no use for
+// them.
+void take_options_before(CommandLine& line) {
+  if (line.arguments.command == Arguments::Command::kRender) {
+    line.render_given.merge(line.voxelize_given);
+  } else if (!line.voxelize_given.empty()) {
+    throw CLI::ValidationError(flag_of(line.voxelize_given.begin()->first),
+                               "is no option of voxel " + parsed_command(line.app).get_name());
+  }
+}
+
 void finish(CommandLine& line) {
   Arguments& arguments = line.arguments;
   const auto parsed = line.commands.find(&parsed_command(line.app));
   if (parsed != line.commands.end()) arguments.command = parsed->second;
   using enum Arguments::Command;
+  if (arguments.command != kVoxelize) take_options_before(line);
   switch (arguments.command) {
     case kVoxelize:
       check_first_word(line.app, line.inputs);

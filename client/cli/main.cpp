@@ -6,6 +6,7 @@
 #include "client/cli/commands/commands.h"
 #include "client/cli/daemon/api_key.h"
 #include "client/cli/daemon/server.h"
+#include "client/cli/terminal/human.h"
 #include "client/cli/terminal/interrupt.h"
 
 namespace {
@@ -17,16 +18,17 @@ int run(int argc, char** argv) {
   auto parsed = cli::parse_arguments(argc, argv);
   if (const auto* status = std::get_if<ExitStatus>(&parsed)) return *status;
   auto& arguments = std::get<cli::Arguments>(parsed);
-  const cli::Interrupt interrupt;
+  cli::Interrupt interrupt;
   try {
     if (cli::needs_server(arguments)) {
       const cli::Server server = cli::find_server(arguments, interrupt.token());
       arguments.url = server.url;
       arguments.key = server.key;
     }
+    if (!cli::heeds_stop(arguments)) interrupt.end_at_once();
     cli::run_command(arguments, interrupt.token());
   } catch (const client::Error& error) {
-    std::fprintf(stderr, "voxel: %s\n", cli::without_keys(error.what()).c_str());
+    std::fprintf(stderr, "voxel: %s\n", cli::printable(cli::without_keys(error.what())).c_str());
     if (!error.request_id().empty()) {
       std::fprintf(stderr, "voxel: request %s\n", error.request_id().c_str());
     }

@@ -9,6 +9,11 @@
 #include "client/include/voxeld/client.h"
 
 namespace voxeld::cli {
+namespace {
+
+constexpr int kPartNamesMax = 100;  // names that are tried for a part
+
+}  // namespace
 
 OutputFile::OutputFile(const std::string& path) : path_(path) {
   if (path == "-") {
@@ -23,8 +28,15 @@ OutputFile::OutputFile(const std::string& path) : path_(path) {
   if (is_special) {
     file_ = std::fopen(path.c_str(), "wb");
   } else {
-    part_ = path + ".part-" + std::to_string(getpid());
-    file_ = std::fopen(part_.c_str(), "wbx");
+    // A link stays a link to the file.
+    const std::filesystem::path real = std::filesystem::canonical(path, error);
+    target_ = error ? std::filesystem::path(path) : real;
+    // A process of this number may have left one: the first of a container always has the same.
+    const std::string part = target_.string() + ".part-" + std::to_string(getpid());
+    for (int i = 0; file_ == nullptr && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {
+      part_ = i == 0 ? part : part + "-" + std::to_string(i);
+      file_ = std::fopen(part_.c_str(), "wbx");
+    }
   }
   if (file_ == nullptr) {
     part_.clear();
@@ -55,7 +67,7 @@ void OutputFile::keep() {
   file_ = nullptr;
   if (closed != 0) fail("cannot be written");
   if (part_.empty()) return;
-  if (std::rename(part_.c_str(), path_.c_str()) != 0) fail("cannot be replaced");
+  if (std::rename(part_.c_str(), target_.c_str()) != 0) fail("cannot be replaced");
   part_.clear();
 }
 

@@ -28,8 +28,9 @@ class OutputFile {
   [[noreturn]] void fail(const char* what) const;
 
   std::string path_;
+  std::filesystem::path target_;  // what path_ leads to
   std::filesystem::path
-      part_;  // written next to path_, renamed at the end; empty: written directly
+      part_;  // written next to target_, renamed at the end; empty: written directly
   std::FILE* file_ = nullptr;
   std::uint64_t bytes_ = 0;
 };

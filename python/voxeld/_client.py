@@ -82,10 +82,8 @@ class Client:
                 Asset. Files that a mesh names are sent from its folder. A file that the server has is not sent again.
             options: size=256, channels=["color", "normal"], fill="solid", … of docs/options.md.
         """
-        named: Mapping[str, Any] = options
-        _check_one_grid("voxelize()", named)
         with Call(timeout, cancel, progress) as call:
-            return self._grid_of(self._run_mesh(call, "voxelize", mesh, named))
+            return self._voxelize(call, mesh, options)
 
     def voxelize_tiles(self, mesh: Mesh, *, timeout: float | None = None, cancel: CancelToken | None = None,
                        progress: bool | ProgressCallback | None = None,
@@ -128,6 +126,8 @@ class Client:
         """What a mesh holds: triangles, vertices, bounds, materials, animations, missing files, warnings."""
         with Call(timeout, cancel, progress) as call:
             asset = self._upload(call, mesh, filename)[0]
+            # As a job it may wait in the queue for longer than a response may be silent.
+            self._finish(call, self._submit(call, _job_body("inspect", {"asset": asset.id}, {})))
             return self._transport.json(call, "GET", f"/v1/assets/{_quoted(asset.id)}")
 
     def upload(self, mesh: Mesh, *, filename: str = "", timeout: float | None = None,
@@ -290,6 +290,10 @@ class Client:
             for status in statuses:
                 pass
         return status
+
+    def _voxelize(self, call: Call, mesh: Mesh, options: Mapping[str, Any]) -> Grid:
+        _check_one_grid("voxelize()", options)
+        return self._grid_of(self._run_mesh(call, "voxelize", mesh, options))
 
     def _run_mesh(self, call: Call, kind: str, mesh: Mesh, options: Mapping[str, Any]) -> dict[str, Any]:
         return self._finish(call, self._submit_mesh(call, kind, mesh, options))

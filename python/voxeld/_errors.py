@@ -1,6 +1,7 @@
 """The exceptions of the package."""
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -40,6 +41,12 @@ class Error(Exception):
         if got:
             text += f"{', ' if expected else ': '}got {got}"
         super().__init__(f"{text} ({code})")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process, such as a pool's parent, makes it anew from these."""
+        make = functools.partial(type(self), self.code, self.detail, expected=self.expected, got=self.got,
+                                 title=self.title)
+        return make, (), self.__dict__
 
 
 class Unreachable(Error, ConnectionError):

@@ -231,9 +231,12 @@ class Grid(Voxels):
     def fetch(self, *, timeout: float | None = None, cancel: CancelToken | None = None,
               progress: bool | ProgressCallback | None = None) -> Grid:
         """Downloads and decodes now what the arrays need. Returns the grid."""
+        with Call(timeout, cancel, progress) as call:
+            return self._fetch(call)
+
+    def _fetch(self, call: Call) -> Grid:
         if "_decoded" not in self.__dict__:
-            with Call(timeout, cancel, progress) as call:
-                self.__dict__["_decoded"] = self._client._decoded(call, self.id, self._selection)
+            self.__dict__["_decoded"] = self._client._decoded(call, self.id, self._selection)
         return self
 
     # --- parts

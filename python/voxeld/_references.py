@@ -17,6 +17,9 @@ IMAGES = {".tga", ".png", ".jpg", ".jpeg", ".dds", ".bmp"}
 # Files that are listed below the folder of a mesh, to find one under another name.
 LISTED_MAX = 20_000
 HEADER_MAX = 1 << 20
+UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+UTF8_MARK = b"\xef\xbb\xbf"
+BLANKS_MAX = 100  # before the first word of a line
 ENCODINGS = ("gbk", "cp932", "cp950", "cp949", "cp1252", "cp850", "cp437", "cp1250", "cp852", "cp1251", "cp866")
 
 
@@ -127,18 +130,25 @@ def referenced_files(mesh: pathlib.Path) -> list[str]:
     return names.list
 
 
-def _lines(path: pathlib.Path) -> Iterator[str]:
+def _read(path: pathlib.Path) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError:
-        return
-    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    yield from data.decode(encoding, errors="surrogateescape").splitlines()
+        return b""
 
 
-def _statements(path: pathlib.Path) -> Iterator[tuple[str, str]]:
+def _text_lines(data: bytes) -> list[str]:
+    encoding = "utf-16" if data[:2] in UTF16_MARKS else "utf-8-sig"
+    return data.decode(encoding, errors="surrogateescape").splitlines()
+
+
+def _lines(path: pathlib.Path) -> list[str]:
+    return _text_lines(_read(path))
+
+
+def _statements(lines: list[str]) -> Iterator[tuple[str, str]]:
     """(key, rest) of each line that is no comment."""
-    for line in _lines(path):
+    for line in lines:
         key, _, rest = line.strip().replace("\t", " ").partition(" ")
         if key and not key.startswith("#"):
             yield key, rest.strip()
@@ -150,18 +160,26 @@ def _with_and_without_comment(rest: str) -> list[str]:
 
 
 def _of_obj(mesh: pathlib.Path, names: _Names) -> None:
-    data = mesh.read_bytes() if mesh.is_file() else b""
-    if b"mtllib" not in data and data[:2] not in (b"\xff\xfe", b"\xfe\xff"):
-        return  # a scan of millions of vertices
-    for key, rest in _statements(mesh):
+    data = _read(mesh)
+    if data[:2] not in UTF16_MARKS:
+        data = b"\n".join(_library_lines(data))
+    for key, rest in _statements(_text_lines(data)):
         for name in _library_names(rest) if key == "mtllib" else ():
             if not (names.add(name) or names.add_similar(name)):
                 for word in _with_and_without_comment(name)[1].split():
                     _ = names.add(word) or names.add_similar(word)
     for library in list(names.list):
-        for key, rest in _statements(mesh.parent / library):
+        for key, rest in _statements(_lines(mesh.parent / library)):
             if key.lower().startswith("map_"):
                 _add_texture(rest, names)
+
+
+def _library_lines(data: bytes) -> Iterator[bytes]:
+    """The lines of an OBJ that count. A scan has millions of others."""
+    for found in re.finditer(rb"mtllib[^\r\n]*", data):
+        before = data[max(found.start() - BLANKS_MAX, 0):found.start()].rstrip(b" \t")
+        if before in (b"", UTF8_MARK) or before.endswith((b"\n", b"\r")):
+            yield found[0]
 
 
 def _library_names(line: str) -> list[str]:
@@ -231,7 +249,7 @@ def _md5_joints(path: pathlib.Path, block: str) -> set[str]:
 def _of_md5(mesh: pathlib.Path, names: _Names) -> None:
     """Material files, images named like a shader or a material, and animations with the joints of the mesh."""
     wanted: set[str] = set()
-    for key, rest in _statements(mesh):
+    for key, rest in _statements(_lines(mesh)):
         if key == "shader":
             stem = _stem(rest.strip('"'))
             wanted |= {stem, stem + "_d"}

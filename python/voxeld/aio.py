@@ -16,7 +16,7 @@ import os
 from collections.abc import AsyncGenerator, Callable, Generator
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ._call import CancelToken, ProgressCallback
+from ._call import Call, CancelToken, ProgressCallback
 from ._client import Animation, Client
 from ._grid import Frame, Grid
 from ._image import Image
@@ -70,8 +70,12 @@ class AsyncClient:
                        progress: bool | ProgressCallback | None = False, **options: Unpack[VoxelizeOptions]) -> Grid:
         """Voxelizes a mesh, and fetches the arrays of the grid. progress: is called in another thread."""
         client = await self.client()
-        return await _in_thread(lambda token: client.voxelize(
-            mesh, timeout=timeout, cancel=token, progress=progress, **options).fetch(cancel=token, progress=progress))
+
+        def work(token: CancelToken) -> Grid:
+            with Call(timeout, token, progress) as call:  # of the job and of the arrays
+                return client._voxelize(call, mesh, options)._fetch(call)
+
+        return await _in_thread(work)
 
     async def animate(self, mesh: Mesh, *, timeout: float | None = None,
                       progress: bool | ProgressCallback | None = False,
@@ -88,7 +92,7 @@ class AsyncClient:
         def next_frame(own: CancelToken) -> Frame | None:
             frame = next(begun[0][1], None)
             if frame is not None:
-                frame.fetch(cancel=own, progress=False)
+                frame.fetch(timeout=begun[0][0]._call.seconds_left(), cancel=own, progress=False)
             return frame
 
         def end() -> None:

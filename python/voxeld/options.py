@@ -177,7 +177,7 @@ def json_options(options: Mapping[str, Any]) -> dict[str, Any]:
     palette = options.get("palette")
     if isinstance(palette, os.PathLike):
         palette = read_palette(palette)
-    if palette is not None and not isinstance(palette, (str, int)):
+    if palette is not None and not isinstance(palette, (str, int, np.integer)):
         palette = ",".join(palette)
     remap = options.get("remap")
     if isinstance(remap, Mapping):

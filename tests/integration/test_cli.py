@@ -3,6 +3,8 @@ import io
 import json
 import os
 import pathlib
+import signal
+import socket
 import subprocess
 import tempfile
 import unittest
@@ -21,9 +23,9 @@ class Cli(DaemonTest):
     def tearDown(self):
         self.directory.cleanup()
 
-    def voxel(self, *arguments, stdin=None, url=None):
+    def voxel(self, *arguments, stdin=None, url=None, **variables):
         return subprocess.run([BIN / "voxel", *map(str, arguments)], input=stdin, capture_output=True,
-                              env={**os.environ, "VOXELD_URL": url or self.daemon.url}, timeout=120)
+                              env={**os.environ, "VOXELD_URL": url or self.daemon.url, **variables}, timeout=120)
 
     def test_format_by_extension(self):
         for name, magic in (("a.npy", b"\x93NUMPY"), ("a.npz", b"PK"), ("a.vox", b"VOX ")):
@@ -150,6 +152,26 @@ class Cli(DaemonTest):
         self.assertEqual(self.voxel(sample, "-o", out, "--voxel-size", "1e-7").returncode, 4)
         self.assertEqual(self.voxel(sample, "-o", out, url="http://127.0.0.1:9").returncode, 5)
         self.assertFalse(out.exists())
+
+    def test_hosts_of_no_proxy_are_asked_without_the_proxy(self):
+        with socket.create_server(("127.0.0.1", 0)) as proxy:
+            proxy.settimeout(0)
+            done = self.voxel("jobs", "--timeout", 5, url="http://voxels.invalid", no_proxy="a.example,voxels.invalid",
+                              http_proxy=f"http://127.0.0.1:{proxy.getsockname()[1]}")
+            self.assertIn(b"voxels.invalid: the name of the host is not known", done.stderr)
+            with self.assertRaises(BlockingIOError):
+                proxy.accept()
+
+    def test_a_signal_ends_a_command_that_has_nothing_to_cancel_at_once(self):
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            silent.settimeout(60)
+            process = subprocess.Popen([BIN / "voxel", "ls", "--url", f"http://127.0.0.1:{silent.getsockname()[1]}"],
+                                       stdin=subprocess.DEVNULL)
+            self.addCleanup(process.kill)
+            with silent.accept()[0] as connection:
+                self.assertTrue(connection.recv(4))
+                process.send_signal(signal.SIGTERM)
+                self.assertEqual(process.wait(60), 130)
 
     def test_help_names_every_option(self):
         text = self.voxel("--help").stdout.decode() + self.voxel("render", "--help").stdout.decode()

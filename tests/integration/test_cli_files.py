@@ -103,6 +103,49 @@ class CliFiles(DaemonTest):
         self.assert_usage("stdin has no name", "-", "--out-dir", self.dir / "out")
         self.assertFalse((self.dir / "out").exists())
 
+    def test_a_mesh_of_the_call_is_not_overwritten(self):
+        mesh, = self.meshes("a.ply")
+        before = mesh.read_bytes()
+        (self.dir / "same").symlink_to(self.dir)
+        self.assert_usage("is a mesh of this call and would be lost", mesh, "--out-dir", self.dir / "same",
+                          "--format", "ply", "--size", 8)
+        self.assertEqual(mesh.read_bytes(), before)
+
+    def test_what_fails_around_the_files_of_a_batch_is_told(self):
+        mesh, = self.meshes("a.ply")
+        self.put(**{"b.obj": b"mtllib b.mtl\n" + self.SQUARE, "b.mtl": b"newmtl m\n"})
+        self.environment["TMPDIR"] = str(self.dir / "none")
+        done = self.voxel(mesh, self.dir / "b.obj", "--out-dir", self.dir / "out", "--size", 8)
+        self.assertEqual(done.returncode, 7, done.stderr)
+        self.assertIn(f"voxel: {self.dir}/b.obj: ", done.stderr)
+        self.environment["VOXELD_KEY"] = "vxk_a\r"
+        self.assert_usage("the API key holds characters that no key has", mesh, "--out-dir", self.dir / "out")
+
+    def test_a_part_that_a_process_of_the_same_number_left_is_no_obstacle(self):
+        mesh, = self.meshes("a.ply")
+        script = 'echo >"$1.part-$$"; exec "$2" "$3" -o "$1" --size 8'
+        done = subprocess.run(["sh", "-c", script, "sh", self.dir / "a.vox", BIN / "voxel", mesh], capture_output=True,
+                              env=self.environment, timeout=120)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue((self.dir / "a.vox").read_bytes().startswith(b"VOX "))
+
+    def test_a_link_stays_a_link_to_the_output(self):
+        mesh, = self.meshes("a.ply")
+        (self.dir / "far").mkdir()
+        (self.dir / "far/a.vox").write_bytes(b"old")
+        (self.dir / "b.vox").symlink_to("far/a.vox")
+        self.assertEqual(self.voxel(mesh, "-o", self.dir / "b.vox", "--size", 8).returncode, 0)
+        self.assertTrue((self.dir / "b.vox").is_symlink())
+        self.assertTrue((self.dir / "far/a.vox").read_bytes().startswith(b"VOX "))
+
+    def test_options_before_the_command_count(self):
+        mesh, = self.meshes("a.ply")
+        done = self.voxel("--size", 9, "render", mesh, "-o", self.dir / "a.png", "--width", 16, "--height", 16,
+                          "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(json.loads(done.stdout)["job"]["options"]["size"], 9)
+        self.assert_usage("--size: is no option of voxel jobs", "--size", 9, "jobs")
+
     def test_progress_and_results_of_all_files_are_seen_on_a_terminal(self):
         status, text = self.on_a_terminal(*self.meshes("a.ply", "b.ply"), "--out-dir", self.dir / "out",
                                           "--size", 16, "--format", "vox")
@@ -112,7 +155,13 @@ class CliFiles(DaemonTest):
                                    r"[\d.]+ k?B, [\d.]+ s\r\n")
 
     def test_an_interrupt_cancels_all_jobs_and_leaves_no_part_of_a_file(self):
-        meshes = [self.dir / f"{letter}.ply" for letter in "abcdef"]
+        self.interrupt(signal.SIGINT, "abcdef")
+
+    def test_the_end_of_the_terminal_cancels_the_job(self):
+        self.interrupt(signal.SIGHUP, "a")
+
+    def interrupt(self, number, letters):
+        meshes = [self.dir / f"{letter}.ply" for letter in letters]
         for mesh in meshes:
             shutil.copy(self.fixtures / "sample.ply", mesh)
         out = self.dir / "out"
@@ -128,7 +177,7 @@ class CliFiles(DaemonTest):
             while not jobs("running"):
                 self.assertLess(time.monotonic(), deadline)
                 time.sleep(0.05)
-            process.send_signal(signal.SIGINT)
+            process.send_signal(number)
             _, stderr = process.communicate(timeout=30)
         finally:
             process.kill()
@@ -243,6 +292,10 @@ class CliFiles(DaemonTest):
         self.assert_usage("voxel render makes images", mesh, "-o", self.dir / "a.png")
         self.assert_usage("expected a name that ends in", mesh, "-o", self.dir / "a.jpg", "--format", "native")
 
+    def test_a_result_is_neither_mixed_with_json_nor_cancelled(self):
+        self.assert_usage("stdout carries the JSON", "jobs", "j-1", "-o", "-", "--json")
+        self.assert_usage("--cancel excludes --output", "jobs", "j-1", "-o", self.dir / "a.vox", "--cancel")
+
     # --- suggestions
 
     def test_the_near_miss_is_suggested(self):
@@ -265,6 +318,14 @@ class CliFiles(DaemonTest):
         for line in (r"size        \d+ x \d+ x \d+ cells", r"voxel size  \S+", r"voxels      \d+",
                      r"file        [\d.]+ k?B"):
             self.assertRegex(text, rf"(?m)^{line}$")
+
+    def test_names_in_a_file_do_not_change_the_terminal(self):
+        self.put(**{"a.obj": b"mtllib a.mtl\n" + self.SQUARE.replace(b"usemtl m", b"usemtl \x1b]0;m\x07"),
+                    "a.mtl": b"newmtl \x1b]0;m\x07\n"})
+        done = self.voxel("info", self.dir / "a.obj")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("?]0;m?", done.stdout)
+        self.assertNotRegex(done.stdout + done.stderr, "[\x00-\x09\x0b-\x1f\x7f]")
 
     def test_lists_have_ages_sizes_and_names(self):
         mesh, = self.meshes("named.ply")

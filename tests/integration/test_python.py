@@ -14,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time
+import tracemalloc
 import unittest
 import unittest.mock
 import zipfile
@@ -24,7 +25,7 @@ import python_package
 from harness import HANG_SECONDS, DaemonTest, wait_until
 
 import voxeld
-from voxeld import _call, _client, _decode, _transport, aio
+from voxeld import _call, _client, _decode, _references, _transport, aio
 
 ALL_CHANNELS = ["color", "normal", "material", "label", "distance", "coverage"]
 LONG = {"size": 16384, "channels": "occupancy", "cache": False}  # options of a job that takes long
@@ -354,6 +355,20 @@ class Meshes(PythonTest):
         self.assertTrue(any("-secret.png" in each for each in grid.warnings), grid.warnings)
         (self.dir / "a.mtl").unlink()
         self.assertEqual([each["name"] for each in self.client.info(self.dir / "a.obj")["missing_files"]], ["a.mtl"])
+
+    def test_the_libraries_of_an_obj_are_found_without_reading_its_other_lines(self):
+        (self.dir / "a.mtl").write_text("newmtl m\n")
+        path = self.dir / "a.obj"
+        for text, is_found in ((b"v 0 0 0\r\n \tmtllib\ta.mtl # c\r\n", True), (b"#\rmtllib a.mtl\r", True),
+                               (b"\xef\xbb\xbfmtllib a.mtl", True), ("mtllib a.mtl\n".encode("utf-16"), True),
+                               (b"# mtllib a.mtl\n", False), (b"xmtllib a.mtl\n", False)):
+            path.write_bytes(text)
+            self.assertEqual(_references.referenced_files(path), ["a.mtl"] * is_found, text)
+        path.write_bytes(b"mtllib a.mtl\n" + b"v 0.25 0.5 0.75\n" * 200_000)
+        tracemalloc.start()
+        self.addCleanup(tracemalloc.stop)
+        self.assertEqual(_references.referenced_files(path), ["a.mtl"])
+        self.assertLess(tracemalloc.get_traced_memory()[1], 2 * path.stat().st_size)
 
     def test_files_under_other_names_are_sent_and_found(self):
         (self.dir / "textures").mkdir()

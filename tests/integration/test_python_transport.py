@@ -1,7 +1,9 @@
 """The Python package's HTTP: retries, broken connections, damaged downloads, against servers that follow a script."""
+import asyncio
 import contextlib
 import hashlib
 import json
+import pickle
 import socket
 import threading
 import unittest
@@ -11,6 +13,7 @@ import python_package  # noqa: F401: finds voxeld
 from harness import HANG_SECONDS, wait_until
 
 import voxeld
+from voxeld import aio
 from voxeld._call import Call
 
 RESULT = bytes(range(256)) * 5000
@@ -144,6 +147,14 @@ class Transport(TransportTest):
         failure = self.raised(voxeld.Error, "queue-full", self.get)
         self.assertEqual((failure.status, failure.title, failure.detail), (503, "T", "D"))
 
+    def test_an_exception_goes_to_another_process_as_it_is(self):
+        self.script(problem(422, "malformed-mesh", "X-Request-Id: r-7"))
+        told = voxeld.Unreachable("unreachable", "away", expected="a", got="b")
+        told.may_pass = False
+        for failure in (self.raised(voxeld.BadInput, "malformed-mesh", self.get), told):
+            copied = pickle.loads(pickle.dumps(failure))
+            self.assertEqual((type(copied), str(copied), vars(copied)), (type(failure), str(failure), vars(failure)))
+
     def test_a_refused_connection_is_tried_again_and_named(self):
         with socket.create_server(("127.0.0.1", 0)) as taken:
             url = f"http://127.0.0.1:{taken.getsockname()[1]}"
@@ -205,6 +216,23 @@ class Transport(TransportTest):
         token = voxeld.CancelToken()
         threading.Timer(0.3, token.cancel).start()
         self.raised(voxeld.Cancelled, "interrupted", lambda: self.get(call=Call(cancel=token)))
+
+    def test_the_timeout_of_an_asynchronous_call_counts_for_its_arrays_too(self):
+        script = self.script(json_response({"id": "sha256-a"}, 201), json_response(DONE), json_response(DONE),
+                             Script.SILENCE)
+        client = aio.AsyncClient(script.url, "", idle_timeout=10)
+        failure = self.raised(voxeld.Timeout, "timeout", lambda: asyncio.run(
+            client.voxelize(b"solid", filename="a.stl", timeout=0.5)))
+        self.assertIn("longer than 0.5 s", str(failure))
+
+    def test_a_mesh_is_inspected_by_a_job_which_may_wait_in_the_queue(self):
+        script = self.script(json_response({"id": "sha256-a"}, 201), json_response({**DONE, "state": "queued"}, 202),
+                             json_response({**DONE, "state": "queued"}), json_response(DONE),
+                             json_response({"id": "sha256-a", "triangles": 3}))
+        self.assertEqual(self.client.info(b"solid", filename="a.stl")["triangles"], 3)
+        self.assertEqual(script.lines(), ["POST /v1/assets?filename=a.stl", "POST /v1/jobs", "GET /v1/jobs/j-1",
+                                          "GET /v1/jobs/j-1", "GET /v1/assets/sha256-a"])
+        self.assertEqual(json.loads(script.bodies[1]), {"kind": "inspect", "asset": "sha256-a", "options": {}})
 
     def test_a_refusal_before_the_whole_body_was_sent_is_read(self):
         self.script(Script.REFUSE, problem(413, "payload-too-large", "Connection: close"), Script.CLOSE)

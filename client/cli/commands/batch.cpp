@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdio>
+#include <exception>
 #include <filesystem>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,7 @@
 
 #include "client/cli/bundle.h"
 #include "client/cli/output_file.h"
+#include "client/cli/terminal/human.h"
 #include "client/cli/terminal/progress_bar.h"
 #include "client/cli/terminal/report.h"
 #include "client/include/voxeld/client.h"
@@ -43,10 +45,12 @@ class Batch {
       : arguments_(arguments), stop_(std::move(stop)), outcomes_(arguments.batch.size()) {}
 
   void run() {
-    std::vector<std::jthread> threads;
     const size_t count = std::min<size_t>(kBatchJobsMax, outcomes_.size());
+    std::vector<client::Client> daemons;  // what they refuse, such as a key, is no matter of a file
+    for (size_t i = 0; i < count; ++i) daemons.emplace_back(settings_of(arguments_));
+    std::vector<std::jthread> threads;
     running_ = count;
-    for (size_t i = 0; i < count; ++i) threads.emplace_back([this] { work(); });
+    for (client::Client& daemon : daemons) threads.emplace_back([this, &daemon] { work(daemon); });
     while (running_ > 0) {
       show();
       std::this_thread::sleep_for(kRedraw);
@@ -58,8 +62,7 @@ class Batch {
   const std::vector<Outcome>& outcomes() const { return outcomes_; }
 
  private:
-  void work() {
-    client::Client daemon(settings_of(arguments_));
+  void work(client::Client& daemon) {
     for (size_t i = next_++; i < outcomes_.size() && !stop_.stop_requested(); i = next_++) {
       const auto start = Clock::now();
       Outcome outcome = make(daemon, arguments_.batch[i]);
@@ -87,6 +90,8 @@ class Batch {
       outcome.bytes = static_cast<std::int64_t>(output.bytes());
     } catch (const Error& error) {
       outcome.error = error;
+    } catch (const std::exception& error) {  // no memory, no temporary folder
+      outcome.error = Error("file", 0, error.what());
     }
     return outcome;
   }
@@ -96,7 +101,8 @@ class Batch {
     if (arguments_.quiet) return;
     bar_.clear();
     for (const std::string& warning : outcome.job.warnings) {
-      std::fprintf(stderr, "voxel: %s: warning: %s\n", file.input.c_str(), warning.c_str());
+      std::fprintf(stderr, "voxel: %s: warning: %s\n", file.input.c_str(),
+                   printable(warning).c_str());
     }
     if (outcome.error || arguments_.json || isatty(STDERR_FILENO) != 1) return;
     std::fprintf(stderr, "%s\n",
@@ -153,7 +159,8 @@ void run_batch(const Arguments& arguments, const std::stop_token& stop) {
   for (size_t i = 0; i < batch.outcomes().size(); ++i) {
     const auto& error = batch.outcomes()[i].error;
     if (!error) continue;
-    std::fprintf(stderr, "voxel: %s: %s\n", arguments.batch[i].input.c_str(), error->what());
+    std::fprintf(stderr, "voxel: %s: %s\n", arguments.batch[i].input.c_str(),
+                 printable(error->what()).c_str());
     if (!first) first = error;
     ++count;
   }

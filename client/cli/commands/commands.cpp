@@ -71,6 +71,22 @@ bool needs_server(const Arguments& arguments) {
   return arguments.command != Arguments::Command::kInfo || !is_container(arguments.input);
 }
 
+bool heeds_stop(const Arguments& arguments) {
+  switch (arguments.command) {
+    case Arguments::Command::kVoxelize:
+    case Arguments::Command::kRender:
+      return true;
+    case Arguments::Command::kInfo:
+      return needs_server(arguments);
+    case Arguments::Command::kJobs:
+      return !arguments.output.empty();
+    case Arguments::Command::kTop:
+      return !arguments.once && !arguments.json;
+    default:
+      return false;
+  }
+}
+
 void run_command(const Arguments& arguments, const std::stop_token& stop) {
   if (arguments.dry_run) return run_dry_run(arguments, stop);
   if (!arguments.batch.empty()) return run_batch(arguments, stop);

@@ -10,6 +10,9 @@ namespace voxeld::cli {
 // Whether a server takes part; false for what reads local files alone.
 bool needs_server(const Arguments& arguments);
 
+// Whether a stop has something to cancel, to remove or to put back; else the command ignores it.
+bool heeds_stop(const Arguments& arguments);
+
 // `arguments` has the server's URL and key. Throws client::Error on failure.
 void run_command(const Arguments& arguments, const std::stop_token& stop);
 

@@ -79,6 +79,24 @@ std::string age_text(std::int64_t since_ms, std::int64_t now_ms) {
   return text(seconds / kDay, " d");
 }
 
+std::string printable(std::string_view text) {
+  const auto byte = [&](size_t i) {
+    return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u;
+  };
+  std::string safe;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const bool is_c1 = byte(i) == 0xc2 && byte(i + 1) >= 0x80 && byte(i + 1) < 0xa0;  // in UTF-8
+    safe += is_c1 || byte(i) < 0x20 || byte(i) == 0x7f ? '?' : text[i];
+    if (is_c1) ++i;
+  }
+  return safe;
+}
+
+void Table::add(std::vector<std::string> cells) {
+  for (std::string& cell : cells) cell = printable(cell);
+  rows_.push_back(std::move(cells));
+}
+
 std::string Table::text() const {
   std::vector<size_t> widths(alignment_.size());
   for (const auto& row : rows_) {

@@ -9,18 +9,34 @@
 
 namespace voxeld::cli {
 
+namespace {
+
+bool is_ignored(int signal) {
+  struct sigaction action {};
+  return ::sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+}  // namespace
+
 Interrupt::Interrupt() {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
+  if (!is_ignored(SIGHUP)) sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   thread_ = std::jthread([this, signals](const std::stop_token& ends) {
     for (int signal = 0; sigwait(&signals, &signal) == 0 && !ends.stop_requested();) {
-      if (source_.stop_requested()) std::_Exit(kInterrupted);
+      const bool is_second = source_.stop_requested();
       source_.request_stop();
+      if (is_second || ends_at_once_) std::_Exit(kInterrupted);
     }
   });
+}
+
+void Interrupt::end_at_once() {
+  ends_at_once_ = true;
+  if (source_.stop_requested()) std::_Exit(kInterrupted);
 }
 
 Interrupt::~Interrupt() {

@@ -43,7 +43,7 @@ client::Settings settings_of(const Arguments& arguments) {
 void tell_warnings(const Arguments& arguments, const client::JobInfo& job) {
   if (arguments.quiet) return;
   for (const std::string& warning : job.warnings) {
-    std::fprintf(stderr, "voxel: warning: %s\n", warning.c_str());
+    std::fprintf(stderr, "voxel: warning: %s\n", printable(warning).c_str());
   }
 }
 

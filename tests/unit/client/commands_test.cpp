@@ -108,6 +108,30 @@ TEST_F(Commands, a_damaged_result_leaves_no_new_file_and_the_old_one_unchanged) 
   }
 }
 
+TEST_F(Commands, a_key_that_no_daemon_takes_is_an_error_of_the_whole_batch) {
+  ScriptedServer server({});
+  Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
+  voxelize.output.clear();
+  voxelize.out_dir = folder_;
+  voxelize.batch = {{mesh().string(), output().string()}};
+  voxelize.key = "vxk_a\r";
+  EXPECT_EQ(error_of([&] { run_command(voxelize, {}); }).code(), "invalid-option");
+  EXPECT_THAT(server.lines(), ::testing::IsEmpty());
+  expect_nothing_written();
+}
+
+TEST_F(Commands, a_stop_is_heeded_where_there_is_a_job_or_a_file) {
+  Arguments given;
+  given.command = Arguments::Command::kJobs;
+  EXPECT_FALSE(heeds_stop(given));
+  given.output = "a.vox";
+  EXPECT_TRUE(heeds_stop(given));
+  given.command = Arguments::Command::kVoxelize;
+  EXPECT_TRUE(heeds_stop(given));
+  given.command = Arguments::Command::kList;
+  EXPECT_FALSE(heeds_stop(given));
+}
+
 TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {
   ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
                          CannedResponse{.status = 304, .delay = test::kTooLate},

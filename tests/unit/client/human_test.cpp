@@ -53,5 +53,14 @@ TEST(Human, a_table_aligns_its_columns) {
             "j-22    3 B\n");
 }
 
+TEST(Human, control_characters_do_not_reach_a_terminal) {
+  EXPECT_EQ(printable("Würfel"), "Würfel");
+  EXPECT_EQ(printable("a\x1b]0;b\a\n\x7f"), "a?]0;b???");
+  EXPECT_EQ(printable("\xc2\x9b[J\xc2"), "?[J\xc2");  // CSI as one character; half of one
+  Table table("l");
+  table.add({"\x1b[2J"});
+  EXPECT_EQ(table.text(), "?[2J\n");
+}
+
 }  // namespace
 }  // namespace voxeld::cli

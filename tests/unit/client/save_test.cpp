@@ -128,6 +128,13 @@ TEST_F(Save, a_failed_conversion_leaves_the_file_as_it_was) {
   EXPECT_THAT(names(), ElementsAre("a.vox"));
 }
 
+TEST_F(Save, a_part_that_a_process_of_the_same_number_left_is_no_obstacle) {
+  std::ofstream(path("a.voxg.part-" + std::to_string(getpid()))) << "old";
+  Grid::decode(bytes_of(sample_container())).save(path("a.voxg"));
+  EXPECT_EQ(content("a.voxg"), sample_container());
+  EXPECT_THAT(names(), SizeIs(2));
+}
+
 TEST_F(Save, a_stopped_conversion_is_cancelled) {
   ScriptedServer server(
       voxelized_then({job_response("queued"), job_response("running"), job_response("cancelled")}));
