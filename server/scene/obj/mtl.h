@@ -26,7 +26,7 @@ struct MtlMaterial {
   std::string map_kd;              // file name as written, including a possible comment; empty:
                                    // none
   std::string map_d;               // likewise
-  // Of statements that give no colour, such as map_Bump: their text as written.
+  // The text, as written, of statements that give no colour, such as map_Bump.
   std::vector<std::string> other_maps;
   char map_d_channel = 0;      // of map_d's "-imfchan": r, g, b, m or l; 0: none is given
   glm::vec2 map_scale{1.0f};   // "-s"

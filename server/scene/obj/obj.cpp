@@ -297,7 +297,7 @@ class ObjLoader {
     return {linear_from_srgb(glm::vec3(color)), unit_clamped(alpha)};
   }
 
-  // What a statement of a material file takes the image for.
+  // The use of an image by the statements of the material files.
   enum class ImageUse { kNone, kColor, kOther };
   ImageUse use_of(const std::string& image) const {
     size_t count = 0;

@@ -191,7 +191,7 @@ TEST(SmoothMesh, voxels_inside_without_a_colour_do_not_darken_vertices) {
                        [](double distance) { return distance < 1; });
   for (SparseTile& tile : solid.tiles) {
     for (size_t i = 0; i < tile.distance.size(); ++i) {
-      // Those that the surface does not touch.
+      // Cells that the surface does not touch.
       if (tile.distance[i] > -0.87 * kDistanceSteps) continue;
       std::fill_n(tile.color.begin() + static_cast<ptrdiff_t>(4 * i), 4, uint8_t{0});
     }

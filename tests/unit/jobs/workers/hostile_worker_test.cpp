@@ -128,7 +128,7 @@ TEST_F(HostileWorkerTest, meta_of_60000_levels) {
                             "complete.meta_json: JSON: depth of nesting is over the limit");
 }
 
-// What was taken counts, and what is refused goes.
+// Files that were taken count, and refused ones are removed.
 TEST_F(HostileWorkerTest, parts_that_are_no_containers_do_not_pile_up) {
   submit("mesh");
   FakeWorker worker = connect();
