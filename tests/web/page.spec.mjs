@@ -50,7 +50,7 @@ test.beforeEach(async ({ page, context }, info) => {
       const isSmall = JSON.parse(init.body).options.size <= 256;
       const seconds = { seconds_low: 0.1, seconds: isSmall ? 0.2 : 60, seconds_high: 600 };
       price.estimate = { ...price.estimate, ...seconds };
-      return Response.json(price, { status: response.status });
+      return Response.json(price, response);
     };
   });
   await context.addInitScript(isDrawn => {
@@ -216,9 +216,14 @@ test("a double click marks a voxel, and others tell how far they are from it", a
 test("a close camera sees the voxels of a large grid", async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
+  const asked = []; // sizes
+  page.on("request", request => {
+    if (request.url().endsWith("/v1/jobs")) asked.push(request.postDataJSON()?.options?.size);
+  });
   await resize(page, 2048);
   await page.click("#run");
   await shown(page, 2048);
+  expect(asked.slice(-3)).toEqual([128, 1024, 2048]);
   await expect(page.locator("#facts")).toContainText("shown at 1:2");
   const regions = [];
   page.on("request", request => regions.push(new URL(request.url()).searchParams.get("region")));
@@ -667,6 +672,49 @@ test("after a restart of the daemon the page goes on", async ({ page }) => {
   await expect(page.locator("#banner")).toBeHidden();
 });
 
+test("a body that breaks off is asked for again", async ({ page }) => {
+  let grids = 0;
+  const proxy = http.createServer((request, response) => {
+    const { method, headers, url } = request;
+    const forwarded = http.request(daemon.url + url, { method, headers }, answer => {
+      response.writeHead(answer.statusCode, answer.headers);
+      if (!url.startsWith("/v1/grids/") || ++grids > 1) answer.pipe(response);
+      else answer.once("data", () => response.write("VOXGRID", () => response.destroy()));
+    });
+    request.pipe(forwarded);
+  });
+  await new Promise(resolve => proxy.listen(0, "127.0.0.1", resolve));
+  await page.goto(`http://127.0.0.1:${proxy.address().port}`);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  expect(grids).toBe(2);
+  await expect(page.locator("#banner")).toBeHidden();
+  proxy.close();
+});
+
+test("a clock that is five minutes late does not change what is told", async ({ page }) => {
+  await page.addInitScript(() => {
+    const now = Date.now;
+    Date.now = () => now() - 300_000;
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 300);
+  await expect(page.locator("#price")).toContainText("starts at once");
+});
+
+test("the daemon draws once the context is lost for good", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await expect(page.locator("#card-look").getByLabel("Channel")).toBeVisible();
+  await page.evaluate(() => {
+    document.getElementById("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext();
+  });
+  await expect(page.locator("#picture")).toHaveAttribute("src", /^blob:/);
+  await expect(page.locator("#card-look").getByLabel("Channel")).toBeHidden();
+});
+
 test("a page of another origin can neither post nor read", async ({ page }) => {
   const foreign = http.createServer((_, response) =>
     response.setHeader("Content-Type", "text/html").end("<p>elsewhere"),
@@ -733,6 +781,9 @@ test("a phone's width needs no sideways scrolling, and all works by keyboard", a
   await page.keyboard.press("End"); // a job that waits for a click
   await expect(page.locator("#price")).not.toHaveText(price);
   await expect(page.locator("#size-slider")).toBeFocused();
+  await page.focus("#new");
+  await page.keyboard.press("Enter");
+  await expect(page.locator("#files")).toBeFocused();
   await page.goto(`${daemon.url}/admin`);
   expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(360);
   const queue = () => page.waitForResponse(response => response.url().includes("/v1/queue"));

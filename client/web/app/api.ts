@@ -24,6 +24,8 @@ export interface Ask {
   readonly body?: object; // sent as JSON
   readonly headers?: Readonly<Record<string, string>>;
   readonly signal?: AbortSignal | undefined;
+  /** The body is read as it comes. */
+  readonly isStream?: boolean;
   /** The signal ends waits between tries, but cuts off no request that is under way. */
   readonly isWhole?: boolean;
 }
@@ -31,6 +33,8 @@ export interface Ask {
 const PAUSES_MS = [400, 800, 1500, 2500]; // before further tries; then the last one again
 const BUSY_TRIES_MAX = 6;
 const LOST_UPLOADS_MAX = 3; // of one file while the daemon answers; then an error
+
+const CLOCK_MS_MAX = 2000; // that clocks may differ without notice; the Date header has seconds
 
 interface Tries {
   lost: number;
@@ -67,6 +71,12 @@ export class Api {
   declare onBusy: (seconds: number) => void;
 
   #isOnline = true;
+  #clock = 0; // milliseconds that the daemon's clock is before this one's
+
+  /** Milliseconds since 1970 by the daemon's clock. */
+  get now(): number {
+    return Date.now() + this.#clock;
+  }
 
   /**
    * The response, when it is a good one. Waits while the daemon does not answer or has no room, so
@@ -89,6 +99,11 @@ export class Api {
           cache: "no-store",
           credentials: "omit",
         });
+        const clock = Date.parse(response.headers.get("Date") ?? "") - Date.now();
+        this.#clock = Math.abs(clock) > CLOCK_MS_MAX ? clock : 0;
+        // A body that breaks off is asked for again.
+        const body = ask.isStream ? null : await response.blob();
+        if (body) response = new Response(body.size ? body : null, response);
       } catch (error) {
         if (isAbort(error) || ask.signal?.aborted) throw error;
         await this.#waitForDaemon(tries.lost++, ask.signal);
@@ -163,7 +178,8 @@ export class Api {
   async *events(job: string, signal: AbortSignal): AsyncGenerator<JobStatus> {
     for (let last = ""; ;) {
       const headers: Record<string, string> = last ? { "Last-Event-ID": last } : {};
-      const response = await this.request(`/v1/jobs/${job}/events`, { headers, signal });
+      const ask = { headers, signal, isStream: true };
+      const response = await this.request(`/v1/jobs/${job}/events`, ask);
       try {
         for await (const event of readEvents(response)) {
           last = event.id || last;

@@ -14,8 +14,8 @@ import { Look } from "./look";
 import type { Asset, AssetDescription, DryRun, GridMeta, JobStatus } from "./model";
 import { hasEnded } from "./model";
 import { Runner, type Wish } from "./runner";
-import { Settings, showPrice } from "./settings";
-import { Stage } from "./stage";
+import { priceText, Settings } from "./settings";
+import { Stage, type Shown } from "./stage";
 import { showStart } from "./start";
 import { Take } from "./take";
 import { bytesText, count, duration, progressOf, t, T } from "./texts";
@@ -83,18 +83,21 @@ export class App {
       wantsViewer,
     );
     this.#stage.onProblem = onProblem;
-    this.#stage.onLost = () => onNote(T.lost);
+    this.#stage.onLost = () => {
+      onNote(T.lost);
+      this.#look.show();
+    };
     canvas.setAttribute("aria-label", T.viewHelp);
     image.alt = T.viewHelp;
     this.#runner = new Runner(api, {
-      onStatus: (job, isPreview) => this.#showJob(job, isPreview),
-      onGrid: (job, isPreview) => this.#showGrid(job, isPreview),
+      onStatus: (job, preview) => this.#showJob(job, preview),
+      onGrid: (job, preview) => this.#showGrid(job, preview),
       onJob: job => this.#jobs.add(job.id),
       onProblem,
     });
     this.#timeline = new Timeline(byId("timeline"), {
-      show: frame => this.#showFrame(frame),
-      prefetch: frame => this.#stage.prefetch(`/v1/jobs/${this.#shownJob}/frames/${frame}`),
+      show: frame => this.#show(this.#frame(frame)),
+      prefetch: frame => this.#stage.prefetch(this.#frame(frame)),
       onProblem,
     });
     const cards = [
@@ -331,7 +334,7 @@ export class App {
     const pricing = (this.#pricing = new AbortController());
     try {
       this.#price = await this.#runner.price(wish, pricing.signal);
-      showPrice(this.#priceLine, this.#price);
+      this.#priceLine.textContent = priceText(this.#price, this.api.now);
       this.#priceLine.classList.remove("error");
       return this.#price;
     } catch (error) {
@@ -377,9 +380,9 @@ export class App {
     this.#showOver("");
   }
 
-  #showJob(job: JobStatus, isPreview: boolean): void {
+  #showJob(job: JobStatus, preview: number): void {
     const isLive = !hasEnded(job);
-    this.#cancelButton.hidden = this.#progress.hidden = !isLive && !isPreview;
+    this.#cancelButton.hidden = this.#progress.hidden = !isLive && !preview;
     const [done, total] =
       job.frames_total > 0
         ? [job.frames_done, job.frames_total]
@@ -390,21 +393,21 @@ export class App {
     } else {
       this.#progress.removeAttribute("value");
     }
-    this.#jobLine.textContent = isPreview ? t(T.preview, { n: 128 }) : this.#jobText(job);
+    this.#jobLine.textContent = preview ? t(T.preview, { n: preview }) : this.#jobText(job);
   }
 
   #jobText(job: JobStatus): string {
     if (job.state === "cancelled") return T.cancelled;
     if (hasEnded(job)) return job.result?.warnings.map(({ detail }) => detail).join(" · ") ?? "";
     const text = progressOf(job),
-      left = ((job.expected_end_ms ?? 0) - Date.now()) / 1000;
+      left = ((job.expected_end_ms ?? 0) - this.api.now) / 1000;
     if (job.state !== "running" || left <= 1) return text;
     return `${text}; ${t(T.endsIn, { time: duration(left) })}`;
   }
 
-  async #showGrid(job: JobStatus, isPreview: boolean): Promise<void> {
+  async #showGrid(job: JobStatus, preview: number): Promise<void> {
     const meta = job.result?.meta ?? {};
-    const isMoving = !isPreview && (job.frames_total > 0 || Boolean(job.result?.sequence));
+    const isMoving = !preview && (job.frames_total > 0 || Boolean(job.result?.sequence));
     if (isMoving) {
       const isNew = this.#shownJob !== job.id;
       this.#shownJob = job.id;
@@ -414,32 +417,32 @@ export class App {
         job.frames_total,
         meta.fps || Number(this.#settings.options["fps"]) || 24,
       );
-      if (isNew || job.state === "done") await this.#showFrame(this.#timeline.current);
+      if (isNew || job.state === "done") await this.#show(this.#frame(this.#timeline.current));
     } else {
       this.#timeline.show(0, 0, 1);
       if (!this.#stage.path && this.#stage.viewer) this.#showOver(T.fetching);
-      await this.#show(`/v1/grids/${job.result?.grid ?? ""}`, meta);
+      await this.#show({ path: `/v1/grids/${job.result?.grid ?? ""}`, meta });
       this.#showOver("");
     }
-    this.#showFacts(meta, isPreview);
+    this.#showFacts(meta, preview);
   }
 
-  #showFrame(frame: number): Promise<void> {
-    return this.#show(`/v1/jobs/${this.#shownJob}/frames/${frame}`, this.#frameMeta);
+  #frame(frame: number): Shown {
+    return { path: `/v1/jobs/${this.#shownJob}/frames/${frame}`, meta: this.#frameMeta };
   }
 
-  async #show(path: string, meta: GridMeta): Promise<void> {
+  async #show(shown: Shown): Promise<void> {
     try {
-      await this.#stage.show({ path, meta }, this.#keepCamera);
+      await this.#stage.show(shown, this.#keepCamera);
       this.#keepCamera = true;
       document.body.classList.add("shown");
-      this.#look.show(meta);
+      this.#look.show(shown.meta);
     } catch (error) {
       if (!isAbort(error)) throw error;
     }
   }
 
-  #showFacts(meta: GridMeta, isPreview: boolean): void {
+  #showFacts(meta: GridMeta, preview: number): void {
     const dims = meta.dims;
     this.#facts.hidden = !dims;
     if (!dims) return;
@@ -447,8 +450,8 @@ export class App {
     const places = { voxels: count(meta.voxel_count ?? 0), dims: dims.join(" × ") };
     this.#facts.textContent =
       t(meta.voxel_count ? T.done : T.doneFrames, places) +
-      (isPreview
-        ? ` · ${t(T.preview, { n: 128 })}`
+      (preview
+        ? ` · ${t(T.preview, { n: preview })}`
         : level > 0
           ? ` · ${t(T.doneLevel, { n: 2 ** level })}`
           : "");
@@ -500,9 +503,11 @@ export class App {
     this.#stage.clear();
     this.#timeline.show(0, 0, 1);
     this.#take.show(null);
+    const hadFocus = this.#panel.contains(document.activeElement);
     this.#panel.hidden = this.#facts.hidden = byId("pick").hidden = true;
     this.#showOver("");
     byId("start").hidden = false;
+    if (hadFocus) byId("files").focus();
     document.body.classList.remove("open", "shown");
   }
 }

@@ -95,8 +95,8 @@ export class Look {
     this.#from = null;
   }
 
-  /** Adapts to the grid that is shown. */
-  show(meta: GridMeta): void {
+  /** Adapts to the grid that is shown, or to another view of it. */
+  show(meta = this.#meta): void {
     if (String(meta.dims) !== String(this.#meta.dims)) this.#from = null;
     this.#meta = meta;
     const grid = this.stage.grid;

@@ -14,17 +14,20 @@ export interface Wish {
 }
 
 export interface RunnerHooks {
-  /** A job waits, runs or has ended; `isPreview`: the one for the eye. */
-  onStatus(job: JobStatus, isPreview: boolean): void;
+  /** A job waits, runs or has ended; `preview`: the size of one for the eye, else 0. */
+  onStatus(job: JobStatus, preview: number): void;
   /** A job was submitted, also one that is superseded already. */
   onJob(job: JobStatus): void;
   /** Grids to show: of an ended job, or of a sequence that has a new frame. */
-  onGrid(job: JobStatus, isPreview: boolean): Promise<void>;
+  onGrid(job: JobStatus, preview: number): Promise<void>;
   onProblem(error: unknown): void;
 }
 
-const PREVIEW_SIZE = 128;
-const INSTANT_SECONDS = 0.25; // jobs of less need no preview
+// Sizes of the previews before the job that is wanted, and the least seconds of a job that gets them.
+const PREVIEWS = [
+  [128, 0.25],
+  [1024, 3],
+] as const;
 const ANIMATION_OPTIONS = ["animation", "fps", "frames", "times", "root_motion"];
 
 export class Runner {
@@ -52,12 +55,8 @@ export class Runner {
     const running = (this.#running = new AbortController());
     try {
       await stopped;
-      const isSmall =
-        Number(wish.options["size"] ?? PREVIEW_SIZE) <= PREVIEW_SIZE && !isSequence(wish.options);
-      const isInstant =
-        price !== null && (price.cached || price.estimate.seconds < INSTANT_SECONDS);
-      if (!isSmall && !isInstant) await this.#preview(wish, running.signal);
-      const job = await this.#follow(this.#body(wish), false, running.signal);
+      for (const size of previewsOf(wish, price)) await this.#preview(wish, size, running.signal);
+      const job = await this.#follow(this.#body(wish), 0, running.signal);
       if (job.state === "failed") throw problemOf(job);
       return job.state === "done" && !running.signal.aborted ? job : null;
     } catch (error) {
@@ -75,7 +74,7 @@ export class Runner {
     this.#running = null;
     this.#active = "";
     const status = job && (await this.#cancel(job));
-    if (status) this.hooks.onStatus({ ...status, state: "cancelled" }, false);
+    if (status) this.hooks.onStatus({ ...status, state: "cancelled" }, 0);
     await this.#submitting;
   }
 
@@ -128,31 +127,30 @@ export class Runner {
   }
 
   // Ignores a failed preview; the requested job reports the error.
-  async #preview(wish: Wish, signal: AbortSignal): Promise<void> {
-    let options: Record<string, unknown> = { ...wish.options, size: PREVIEW_SIZE };
-    delete options["voxel_size"];
+  async #preview(wish: Wish, size: number, signal: AbortSignal): Promise<void> {
+    let options: Record<string, unknown> = { ...wish.options, size };
     if (isSequence(wish.options)) {
       const kept = Object.entries(options).filter(([name]) => !ANIMATION_OPTIONS.includes(name));
       options = { ...Object.fromEntries(kept), animation: wish.options["animation"], time: 0 };
     }
     try {
-      await this.#follow({ ...this.#body(wish), options, priority: 10 }, true, signal);
+      await this.#follow({ ...this.#body(wish), options, priority: 10 }, size, signal);
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
     }
   }
 
   // Submits a job and shows its states and grids until it has ended.
-  async #follow(body: object, isPreview: boolean, signal: AbortSignal): Promise<JobStatus> {
+  async #follow(body: object, preview: number, signal: AbortSignal): Promise<JobStatus> {
     let job = await this.#submit(body, signal);
     let framesShown = 0;
     const show = async () => {
       signal.throwIfAborted();
       this.#active = hasEnded(job) ? "" : job.id;
-      this.hooks.onStatus(job, isPreview);
+      this.hooks.onStatus(job, preview);
       if (hasEnded(job) || job.frames_done <= framesShown) return;
       framesShown = job.frames_done;
-      await this.hooks.onGrid(job, isPreview);
+      await this.hooks.onGrid(job, preview);
     };
     await show();
     if (!hasEnded(job)) {
@@ -160,8 +158,8 @@ export class Runner {
     }
     if (job.state === "done") {
       job = await this.api.json<JobStatus>(`/v1/jobs/${job.id}`, { signal }); // with all of its meta
-      await this.hooks.onGrid(job, isPreview);
-      if (!signal.aborted) this.hooks.onStatus(job, isPreview);
+      await this.hooks.onGrid(job, preview);
+      if (!signal.aborted) this.hooks.onStatus(job, preview);
     }
     return job;
   }
@@ -169,6 +167,16 @@ export class Runner {
 
 function problemOf({ error, state }: JobStatus): Problem {
   return Problem.of(error ?? { code: state, detail: state });
+}
+
+// The sizes of the previews that the wish is worth.
+function previewsOf({ options }: Wish, price: DryRun | null): number[] {
+  if (price?.cached) return [];
+  const seconds = price?.estimate.seconds ?? Infinity;
+  const sizes = PREVIEWS.filter(([, least]) => seconds >= least).map(([size]) => size);
+  return isSequence(options)
+    ? sizes.slice(0, 1)
+    : sizes.filter(size => size < Number(options["size"]));
 }
 
 /** Whether voxels of these options are a grid for each frame of an animation. */

@@ -1,5 +1,5 @@
 // The controls of the voxels: size, fill, colour, and more options folded; and what they cost.
-import { field, fill, h, segments, select, setChoices, setSegment, type Choice } from "./dom";
+import { field, h, segments, select, setChoices, setSegment, type Choice } from "./dom";
 import type { AssetDescription, DryRun } from "./model";
 import type { Options } from "./runner";
 import { bytesText, duration, names, t, T } from "./texts";
@@ -286,8 +286,8 @@ export class Settings {
   }
 }
 
-/** The price of a dry run as one line. */
-export function priceText(price: DryRun): string {
+/** The price of a dry run as one line; `now`: milliseconds of the daemon's clock. */
+export function priceText(price: DryRun, now: number): string {
   if (price.cached) return T.priceCached;
   const {
     seconds_low: low,
@@ -299,14 +299,9 @@ export function priceText(price: DryRun): string {
     duration(low) === duration(high)
       ? duration(high)
       : t(T.between, { low: duration(low), high: duration(high) });
-  const wait = (price.expected_start_ms - Date.now()) / 1000;
+  const wait = (price.expected_start_ms - now) / 1000;
   return (
     `${t(T.price, { seconds, memory: bytesText(memory), bytes: bytesText(bytes) })} · ` +
     (wait > 1 ? t(T.priceWait, { wait: duration(wait) }) : T.priceNow)
   );
-}
-
-/** Shows a price, or nothing. */
-export function showPrice(element: HTMLElement, price: DryRun | null): void {
-  fill(element, price ? priceText(price) : "");
 }

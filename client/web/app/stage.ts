@@ -138,8 +138,8 @@ export class Stage {
   }
 
   /** Fetches a grid that will be shown soon. */
-  prefetch(path: string): void {
-    if (this.viewer) void this.#fetchGrid(path, "").catch(() => undefined);
+  prefetch({ path, meta }: Shown): void {
+    if (this.viewer) void this.#fetchGrid(path, queryOf(levelFor(meta.dims))).catch(() => undefined);
   }
 
   #checkTurn(turn: number): void {
@@ -190,12 +190,7 @@ export class Stage {
     show: (bytes: ArrayBuffer) => Promise<unknown>,
   ): Promise<number> {
     for (let level = first, codec = ""; ;) {
-      const query = new URLSearchParams({
-        ...(level > 0 ? { level: String(level) } : {}),
-        ...(region ? { region } : {}),
-        ...(codec ? { codec } : {}),
-      }).toString();
-      const bytes = await this.#fetchGrid(path, query && `?${query}`);
+      const bytes = await this.#fetchGrid(path, queryOf(level, region, codec));
       this.#checkTurn(turn);
       try {
         await show(bytes);
@@ -246,6 +241,15 @@ export class Stage {
     this.onLost();
     if (this.#shown) this.picture.show(`${this.#shown.path}/render.png`, camera);
   }
+}
+
+function queryOf(level: number, region = "", codec = ""): string {
+  const query = new URLSearchParams({
+    ...(level > 0 ? { level: String(level) } : {}),
+    ...(region ? { region } : {}),
+    ...(codec ? { codec } : {}),
+  }).toString();
+  return query && `?${query}`;
 }
 
 function infoOf(meta: GridMeta): GridInfo | null {
