@@ -10,7 +10,8 @@
 // In the file z points up: cell (x, y, z) of the grid becomes (x, -z, y), which keeps handedness.
 // If a grid has labels or materials and no colour, each id has a colour (id_color()). Voxels
 // without colour or id (inside of solids, and all of a grid without either) get the mean colour of
-// the others, or a neutral grey. The root node's attributes hold dims, origin and voxel_size.
+// the others, or a neutral grey. The root node's attributes hold dims, origin, voxel_size and, if
+// they are known, units.
 #include <array>
 #include <string>
 #include <vector>

@@ -37,10 +37,14 @@ std::string translation_text(const Part& part, const std::array<int, 3>& scene) 
 
 Dict placement_of(const Grid& grid) {
   const GridHeader header = container_header(grid);
-  return {{"dims", std::to_string(header.dims[0]) + "," + std::to_string(header.dims[1]) + "," +
-                       std::to_string(header.dims[2])},
-          {"origin", option_values::to_text(header.origin)},
-          {"voxel_size", option_values::to_text(header.voxel_size)}};
+  Dict placement = {{"dims", std::to_string(header.dims[0]) + "," + std::to_string(header.dims[1]) +
+                                 "," + std::to_string(header.dims[2])},
+                    {"origin", option_values::to_text(header.origin)},
+                    {"voxel_size", option_values::to_text(header.voxel_size)}};
+  if (std::string units = volume::units_of(grid); !units.empty()) {
+    placement["units"] = std::move(units);
+  }
+  return placement;
 }
 
 void add_transform(Bytes& out, int node, int child, const Dict& node_attributes,

@@ -82,6 +82,9 @@ class Transparency(DaemonTest):
         for options, voxels in (("format=npz&layout=sparse", 64), ("format=npz&layout=sparse&alpha=cut", 32)):
             body = self.daemon.get(f"/v1/grids/{grid}?{options}").body
             self.assertEqual(len(np.load(io.BytesIO(body))["coords"]), voxels)
+        lines = {options: len(self.daemon.get(f"/v1/grids/{grid}?format=xyz{options}").body.splitlines())
+                 for options in ("", "&alpha=keep")}
+        self.assertEqual(lines, {"": 32, "&alpha=keep": 64})
         qb = {options: self.daemon.get(f"/v1/grids/{grid}?format=qb{options}").body
               for options in ("", "&alpha=cut", "&alpha=keep")}
         self.assertNotEqual(qb[""], qb["&alpha=keep"])

@@ -1,9 +1,11 @@
 // GET /v1/queue: devices and live jobs, those of other tenants as numbers only; for an admin also
 // memory and storage.
+#include <optional>
 #include <utility>
 
 #include "proto/messages/job_text.h"
 #include "proto/messages/json_writer.h"
+#include "proto/text/number_text.h"
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
 
@@ -45,28 +47,31 @@ std::string queue_members(const QueueView& view) {
   return text;
 }
 
-std::string row_text(const QueuedJob& job) {
+std::string row_text(const ListedJob& job) {
   std::string row = job_row_text(job.status);
   row.pop_back();
   JsonWriter(row).member("tenant", job.tenant).member("device", job.device).end_object();
   return row;
 }
 
-// Running jobs, then waiting ones, each in the order of arrival. A cursor is "running.ID" or
-// "queued.ID", the list and the job that was last; the job may have left that list since.
+// Running jobs, then waiting ones, each in the order of arrival. A cursor is "running.SEQ" or
+// "queued.SEQ", the list and the job that was last; the job may have left that list since.
 Status add_jobs(Api& api, const Caller& caller, const std::string& after, ListRows& rows) {
   const size_t dot = after.find('.');
   const auto list = job_state_from_name(after.substr(0, dot));
-  const bool is_cursor = dot != std::string::npos && dot + 1 < after.size() &&
-                         (list == JobState::kRunning || list == JobState::kQueued);
+  const auto seq = dot == std::string::npos
+                       ? std::nullopt
+                       : parse_digits<int64_t>(std::string_view(after).substr(dot + 1));
+  const bool is_cursor = seq && (list == JobState::kRunning || list == JobState::kQueued);
   if (!after.empty() && !is_cursor) return bad_cursor(after);
   bool goes_on = true;
   for (const JobState state : {JobState::kRunning, JobState::kQueued}) {
     if (state == JobState::kRunning && list == JobState::kQueued) continue;
     const std::string prefix = std::string(job_state_name(state)) + ".";
-    const std::string from = state == list ? after.substr(dot + 1) : "";
-    VOXELD_TRY(api.jobs.list_queue(caller, state, from, [&](const QueuedJob& job) {
-      goes_on = rows.add(row_text(job), prefix + job.status.id);
+    const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief,
+                         state == list ? seq : std::nullopt};
+    VOXELD_TRY(api.jobs.list(caller, query, [&](const ListedJob& job) {
+      goes_on = rows.add(row_text(job), prefix + std::to_string(job.seq));
       return goes_on;
     }));
     if (!goes_on) break;

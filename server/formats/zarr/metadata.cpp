@@ -148,7 +148,7 @@ class Documents {
       json scale = json::array(), translation = json::array();
       if (has_time()) {
         scale.push_back(frames_.step_s > 0 ? frames_.step_s : 1.0);
-        translation.push_back(0.0);
+        translation.push_back(frames_.begin_s);
       }
       for (const int axis : {2, 1, 0}) {
         scale.push_back(size[axis]);

@@ -31,7 +31,8 @@ inline constexpr int kChunkSide = 64;
 // The frames of a sequence; a grid has none.
 struct FrameAxis {
   size_t count = 0;
-  double step_s = 0;  // between two frames; 0: they have times of their own
+  double step_s = 0;   // between two frames; 0: they have times of their own
+  double begin_s = 0;  // of the first one
 };
 
 // Levels of detail that a store has: up to the first one that is a single chunk.

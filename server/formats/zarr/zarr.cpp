@@ -54,7 +54,11 @@ Status write_zarr_sequence(const FrameSource& source, const OutputOptions& optio
                            const std::filesystem::path& path) {
   VOXELD_ASSIGN(OutputFile file, OutputFile::create(path));
   ZipWriter zip(file);
-  const zarr::FrameAxis frames{source.frame_count(), source.fps() > 0 ? 1 / source.fps() : 0};
+  zarr::FrameAxis frames{.count = source.frame_count()};
+  if (source.fps() > 0) {
+    frames.step_s = 1 / source.fps();
+    frames.begin_s = source.time_s(0);
+  }
   VOXELD_TRY(zarr::add_documents(zip, source.common(), frames, options));
   for (size_t i = 0; i < source.frame_count(); ++i) {
     VOXELD_ASSIGN(const Grid frame, source.frame(i));

@@ -19,9 +19,9 @@ bool is_transparent(const uint8_t* rgba) {
 
 bool cuts_transparent(const OutputOptions& options) {
   if (options.alpha != AlphaRule::kAuto) return options.alpha == AlphaRule::kCut;
-  constexpr std::array kWithoutAlpha = {Format::kVox, Format::kObj,   Format::kPcd,
-                                        Format::kQb,  Format::kSchem, Format::kLitematic,
-                                        Format::kNbt, Format::kLdr};
+  constexpr std::array kWithoutAlpha = {Format::kVox,       Format::kXyz, Format::kObj,
+                                        Format::kPcd,       Format::kQb,  Format::kSchem,
+                                        Format::kLitematic, Format::kNbt, Format::kLdr};
   const bool has_instances =
       options.format == Format::kGlb && options.mesh == MeshSurface::kInstances;
   return has_instances || std::ranges::count(kWithoutAlpha, options.format) > 0;

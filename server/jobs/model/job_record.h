@@ -61,7 +61,7 @@ struct JobQuery {
   std::optional<JobState> state;
   JobOrder order = JobOrder::kNewestFirst;
   JobTexts texts = JobTexts::kWhole;
-  std::string after;  // id of a job: those that come after it; empty: all
+  std::optional<int64_t> after;  // seq of a job: those that come after it; nullopt: all
 };
 
 }  // namespace voxeld

@@ -28,8 +28,9 @@ struct WorkerState {
   DeviceMemory device_memory;
 };
 
-// A job that waits or runs.
-struct QueuedJob {
+// A job of a list, in brief.
+struct ListedJob {
+  int64_t seq = 0;  // order of arrival
   std::string tenant;
   std::string device;  // that runs it, or empty
   JobStatus status;

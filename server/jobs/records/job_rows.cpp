@@ -239,19 +239,6 @@ class QueuePlaces {
   int64_t seq_ = 0, place_ = 0;  // of the job before; seq 0: there was none
 };
 
-// The number of a job in the order of arrival.
-Result<int64_t> seq_of(SqlConnection& connection, const Caller& caller, const std::string& id) {
-  VOXELD_ASSIGN(
-      SqlStatement found,
-      connection.query(caller.sees_all() ? "SELECT seq FROM jobs WHERE id = $1 AND $2 = $2"
-                                         : "SELECT seq FROM jobs WHERE id = $1"
-                                           " AND tenant = $2",
-                       id, caller.tenant()));
-  VOXELD_ASSIGN(const bool is_known, found.step());
-  if (is_known) return found.int64(0);
-  return Error{ErrorCode::kInvalidOption, "after", "the id of a job that is there", echoed(id)};
-}
-
 }  // namespace
 
 Error deadline_error() {
@@ -280,10 +267,8 @@ Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std:
 Status each_job(SqlConnection& connection, const Caller& caller, const JobQuery& query,
                 const std::function<Result<bool>(JobRecord&&)>& take) {
   const bool is_newest_first = query.order == JobOrder::kNewestFirst;
-  int64_t after = is_newest_first ? std::numeric_limits<int64_t>::max() : 0;
-  if (!query.after.empty()) {
-    VOXELD_ASSIGN(after, seq_of(connection, caller, query.after));
-  }
+  const int64_t after =
+      query.after.value_or(is_newest_first ? std::numeric_limits<int64_t>::max() : 0);
   std::string sql = select_of(query.texts);
   sql += caller.sees_all() ? " WHERE $2 = $2" : " WHERE j.tenant = $2";
   sql += query.state ? " AND j.state = $3" : " AND $3 = $3";

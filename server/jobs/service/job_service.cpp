@@ -223,12 +223,13 @@ Result<JobStatus> Service::get_whole(const Caller& caller, std::string_view id) 
 }
 
 Status Service::list(const Caller& caller, const JobQuery& query,
-                     const std::function<bool(const JobStatus&)>& take) {
+                     const std::function<bool(const ListedJob&)>& take) {
   JobQuery brief = query;
   brief.texts = JobTexts::kBrief;
   return jobs_.list(caller, brief, [&](JobRecord&& record) -> Result<bool> {
     overlay(record.status);
-    return take(record.status);
+    return take(
+        {record.seq, std::move(record.tenant), std::move(record.worker), std::move(record.status)});
   });
 }
 
@@ -240,15 +241,6 @@ Result<QueueView> Service::queue(const Caller& caller) {
   VOXELD_ASSIGN(const int64_t disk_bytes, blobs_.disk().total_bytes());
   view.store = QueueView::Store{blobs_.bytes(), free_bytes, disk_bytes};
   return view;
-}
-
-Status Service::list_queue(const Caller& caller, JobState state, const std::string& after,
-                           const std::function<bool(const QueuedJob&)>& take) {
-  const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief, after};
-  return jobs_.list(caller, query, [&](JobRecord&& record) -> Result<bool> {
-    overlay(record.status);
-    return take({std::move(record.tenant), std::move(record.worker), std::move(record.status)});
-  });
 }
 
 Result<std::vector<JobEvent>> Service::events(const Caller& caller, std::string_view id,

@@ -97,10 +97,9 @@ class JobService {
   virtual Result<JobStatus> get(const Caller& caller, std::string_view id) = 0;
   // With all its texts, which may be megabytes: a few callers at a time, others wait.
   virtual Result<JobStatus> get_whole(const Caller& caller, std::string_view id) = 0;
-  // Calls `take` with one job after the other, in brief, until it gives false; it must be quick.
-  // Errors: invalid-option for `query.after`.
+  // Calls `take` with one job after the other until it gives false; it must be quick.
   virtual Status list(const Caller& caller, const JobQuery& query,
-                      const std::function<bool(const JobStatus&)>& take) = 0;
+                      const std::function<bool(const ListedJob&)>& take) = 0;
   // Wakes `waker` after changes of the job for as long as the result lives, which must end before
   // the service. Watch first and read the status then: no change falls between. A job that does not
   // exist never changes.
@@ -144,11 +143,6 @@ class JobService {
 
   // --- the queue
   virtual Result<QueueView> queue(const Caller& caller) = 0;
-  // Calls `take` with one job of the state after the other, in brief and in the order of arrival,
-  // until it returns false. `after`: id of a job; those that arrived later. Errors: invalid-option
-  // for `after`.
-  virtual Status list_queue(const Caller& caller, JobState state, const std::string& after,
-                            const std::function<bool(const QueuedJob&)>& take) = 0;
   // --- what the caller's tenant may have, and has
   virtual TenantLimits limits(const Caller& caller) = 0;
   virtual Result<TenantUsage> usage(const Caller& caller) = 0;

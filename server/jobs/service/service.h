@@ -102,7 +102,7 @@ class Service final : public JobService {
   Result<JobStatus> get(const Caller& caller, std::string_view id) override;
   Result<JobStatus> get_whole(const Caller& caller, std::string_view id) override;
   Status list(const Caller& caller, const JobQuery& query,
-              const std::function<bool(const JobStatus&)>& take) override;
+              const std::function<bool(const ListedJob&)>& take) override;
   std::unique_ptr<JobWatch> watch(std::string_view id, JobChange change,
                                   std::shared_ptr<Waker> waker) override {
     return board_.watch(id, change, std::move(waker));
@@ -135,8 +135,6 @@ class Service final : public JobService {
     return frames_.read(caller, id);
   }
   Result<QueueView> queue(const Caller& caller) override;
-  Status list_queue(const Caller& caller, JobState state, const std::string& after,
-                    const std::function<bool(const QueuedJob&)>& take) override;
   std::vector<WorkerState> workers() override;
   int64_t queued_jobs() override;
   Status ready() override;

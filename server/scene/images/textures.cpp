@@ -85,7 +85,7 @@ void prefer_textures(Scene& scene, std::string_view name) {
   if (count == 0) return;
   add_warning(scene, "ignored-colors",
               std::string(name) + ": vertex colours of " + std::to_string(count) +
-                  " parts with a texture were left out");
+                  (count == 1 ? " part" : " parts") + " with a texture were left out");
 }
 
 int TextureSet::image_index(std::string_view reference, std::string_view needed_by) {

@@ -289,8 +289,20 @@ TEST_F(JobsApi, a_list_is_read_page_by_page) {
   const HttpResponse refused = get("/v1/jobs?after=j-0");
   EXPECT_EQ(refused.status, 400);
   EXPECT_EQ(refused.code(), "invalid-option");
-  EXPECT_EQ(json(refused)["expected"], "the id of a job that is there");
+  EXPECT_EQ(json(refused)["expected"], "the `next` of an earlier page of this list");
   EXPECT_EQ(json(get("/v1/jobs?other=1"))["expected"], "limit, after, state");
+}
+
+TEST_F(JobsApi, a_list_goes_on_after_a_job_whose_record_was_deleted) {
+  const std::string older = submit(), newer = submit();
+  const auto first = json(get("/v1/jobs?limit=1"));
+  ASSERT_EQ(first["jobs"][0]["id"], newer);
+  request("DELETE", "/v1/jobs/" + newer);  // cancels it
+  request("DELETE", "/v1/jobs/" + newer);
+  ASSERT_EQ(get("/v1/jobs/" + newer).code(), "not-found");
+  const auto second = json(get("/v1/jobs?limit=1&after=" + first.value("next", "")));
+  ASSERT_EQ(second["jobs"].size(), 1u);
+  EXPECT_EQ(second["jobs"][0]["id"], older);
 }
 
 TEST_F(JobsApi, the_queue_has_memory_and_storage_for_the_only_tenant_and_for_admins) {

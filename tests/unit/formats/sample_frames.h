@@ -12,22 +12,23 @@
 
 namespace voxeld::test {
 
-// Frames that are in memory, 1/fps apart.
+// Frames that are in memory, 1/fps apart. The first one is number `first` of its animation.
 class FramesInMemory : public FrameSource {
  public:
-  explicit FramesInMemory(std::vector<Grid> frames, double fps = 24)
-      : frames_(std::move(frames)), fps_(fps), common_(frames_.front()) {
+  explicit FramesInMemory(std::vector<Grid> frames, double fps = 24, size_t first = 0)
+      : frames_(std::move(frames)), fps_(fps), first_(first), common_(frames_.front()) {
     common_.tiles.clear();
   }
   const Grid& common() const override { return common_; }
   size_t frame_count() const override { return frames_.size(); }
-  double time_s(size_t index) const override { return static_cast<double>(index) / fps_; }
+  double time_s(size_t index) const override { return static_cast<double>(first_ + index) / fps_; }
   double fps() const override { return fps_; }
   Result<Grid> frame(size_t index) const override { return frames_[index]; }
 
  private:
   std::vector<Grid> frames_;
   double fps_;
+  size_t first_;
   Grid common_;
 };
 

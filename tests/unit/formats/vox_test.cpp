@@ -186,6 +186,7 @@ TEST(Vox, the_root_says_where_the_grid_lies) {
   EXPECT_EQ(attributes.at("dims"), "7,8,9");
   EXPECT_EQ(attributes.at("origin"), "-1.5,0.25,1e+10");
   EXPECT_EQ(attributes.at("voxel_size"), "0.5,0.25,0.125");
+  EXPECT_EQ(attributes.at("units"), "mm");
 }
 
 TEST(Vox, colours_above_the_palette_are_near_ones_and_the_palette_is_kept) {

@@ -17,12 +17,17 @@ namespace voxeld::testing {
 template <typename Lister>
 auto jobs_of(Lister& lister, const Caller& caller, int limit,
              std::optional<JobState> state = std::nullopt) {
-  using Row = std::conditional_t<std::is_base_of_v<JobService, Lister>, JobStatus, JobRecord>;
-  std::vector<Row> jobs;
+  constexpr bool kIsService = std::is_base_of_v<JobService, Lister>;
+  using Row = std::conditional_t<kIsService, ListedJob, JobRecord>;
+  std::vector<std::conditional_t<kIsService, JobStatus, JobRecord>> jobs;
   JobQuery query;
   query.state = state;
   const Status listed = lister.list(caller, query, [&](const Row& job) {
-    jobs.push_back(job);
+    if constexpr (kIsService) {
+      jobs.push_back(job.status);
+    } else {
+      jobs.push_back(job);
+    }
     return static_cast<int>(jobs.size()) < limit;
   });
   EXPECT_TRUE(listed) << listed.error().message();

@@ -117,14 +117,16 @@ Reply list_jobs(Request& request, Api& api) {
                                "queued | running | done | failed | cancelled", echoed(*name)});
     }
   }
-  return list_response(
-      "", "jobs", *std::move(page),
-      [&api, caller = request.caller, query](const std::string& after, ListRows& rows) mutable {
-        query.after = after;
-        return api.jobs.list(caller, query, [&](const JobStatus& status) {
-          return rows.add(job_row_text(status), status.id);
-        });
-      });
+  return list_response("", "jobs", *std::move(page),
+                       [&api, caller = request.caller, query](const std::string& after,
+                                                              ListRows& rows) mutable -> Status {
+                         if (!after.empty()) {
+                           VOXELD_ASSIGN(query.after, cursor_number(after));
+                         }
+                         return api.jobs.list(caller, query, [&](const ListedJob& job) {
+                           return rows.add(job_row_text(job.status), std::to_string(job.seq));
+                         });
+                       });
 }
 
 // With `Prefer: wait`, the response waits for the end of the job, or with If-None-Match for the

@@ -1,9 +1,11 @@
 // Zarr stores against the arrays of npy, read by what the specifications say.
 #include <gtest/gtest.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -184,6 +186,22 @@ TEST(Zarr, documents_place_the_centres_of_the_first_cells) {
   EXPECT_EQ(array["shape"], (json{65, 67, 130, 4}));
   EXPECT_EQ(array["data_type"], "uint8");
   EXPECT_EQ(array["dimension_names"], (json{"z", "y", "x", "c"}));
+}
+
+TEST(Zarr, the_time_axis_begins_with_the_first_frame) {
+  const std::vector<Grid> grids(3, zarr_sample());
+  const auto path =
+      std::filesystem::temp_directory_path() / ("unit_formats-zarr-" + std::to_string(getpid()));
+  ASSERT_TRUE(
+      write_sequence(test::FramesInMemory(grids, 24, 12), test::to(Format::kZarr), path).ok());
+  const Members members = members_of(read_file(path).value());
+  std::filesystem::remove(path);
+  const json root = document(members, "zarr.json");
+  const json& image = root["attributes"]["ome"]["multiscales"][0];
+  EXPECT_EQ(image["axes"][0], (json{{"name", "t"}, {"type", "time"}, {"unit", "second"}}));
+  const json& moved = image["datasets"][0]["coordinateTransformations"];
+  EXPECT_EQ(moved[0]["scale"][0], 1.0 / 24);
+  EXPECT_EQ(moved[1]["translation"][0], 0.5);
 }
 
 TEST(Zarr, version_2_has_its_own_documents) {

@@ -178,10 +178,11 @@ TEST_F(TaskServerTest,
 }
 
 // The jobs of one state in the queue.
-std::vector<QueuedJob> queued_jobs(JobService& service, const Caller& caller, JobState state,
-                                   const std::string& after = "") {
-  std::vector<QueuedJob> jobs;
-  EXPECT_TRUE(service.list_queue(caller, state, after, [&](const QueuedJob& job) {
+std::vector<ListedJob> queued_jobs(JobService& service, const Caller& caller, JobState state,
+                                   std::optional<int64_t> after = std::nullopt) {
+  std::vector<ListedJob> jobs;
+  const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief, after};
+  EXPECT_TRUE(service.list(caller, query, [&](const ListedJob& job) {
     jobs.push_back(job);
     return true;
   }));
@@ -204,7 +205,7 @@ TEST_F(TaskServerTest, the_queue_shows_devices_and_jobs_in_their_order) {
   ASSERT_EQ(waiting.size(), 2u);
   EXPECT_EQ(waiting[0].status.id, second);
   EXPECT_EQ(waiting[0].status.queue_position, 1);
-  const auto later = queued_jobs(*service_, Caller::open(), JobState::kQueued, second);
+  const auto later = queued_jobs(*service_, Caller::open(), JobState::kQueued, waiting[0].seq);
   ASSERT_EQ(later.size(), 1u);
   EXPECT_EQ(later[0].status.id, third);
   EXPECT_EQ(later[0].status.queue_position, 2);
