@@ -4,8 +4,8 @@
   tests/bench/siege.py [--bin DIR] [--minutes M] [--rounds N] [--attack NAME ...] [--device D] [--seed S]
 
 A calm phase, N rounds of the siege, and a calm phase again; each prints a line of JSON with percentiles in
-milliseconds, the gateway's memory and the disk that the data takes. Ends with 1 where an honest client got what it should not, or the
-gateway took more than 512 MB."""
+milliseconds, the gateway's memory and the disk that the data takes. Ends with 1 where an honest client got what it
+should not, or the gateway took more than 512 MB."""
 import argparse
 import json
 import os
