@@ -89,10 +89,9 @@ export class Painter {
   async finished(): Promise<void> {
     const { gl } = this,
       sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-    gl.flush();
     for (;;) {
       if (!sync || gl.isContextLost()) throw new ContextLost("the WebGL context is lost");
-      const status = gl.clientWaitSync(sync, 0, 0);
+      const status = gl.clientWaitSync(sync, gl.SYNC_FLUSH_COMMANDS_BIT, 0);
       if (status === gl.ALREADY_SIGNALED || status === gl.CONDITION_SATISFIED) break;
       if (status === gl.WAIT_FAILED) throw new ContextLost("waiting for WebGL failed");
       await new Promise((resolve) => setTimeout(resolve, POLL_MS));
