@@ -672,6 +672,29 @@ test("after a restart of the daemon the page goes on", async ({ page }) => {
   await expect(page.locator("#banner")).toBeHidden();
 });
 
+test("after 40 s without the daemon the page goes on", async ({ page }) => {
+  // Waits are 50 times shorter. The page tries again after 0.4, 0.8, 1.5 and then every 2.5 s.
+  await page.addInitScript(() => {
+    const original = window.setTimeout;
+    window.setTimeout = (call, ms, ...given) => original(call, ms >= 400 ? ms / 50 : ms, ...given);
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  let tries = 0,
+    isAway = true;
+  await page.route("**/v1/**", route => {
+    ++tries;
+    return isAway ? route.abort() : route.continue();
+  });
+  await resize(page, 96);
+  await expect(page.locator("#banner")).toContainText("does not answer");
+  await expect.poll(() => tries).toBeGreaterThan(18); // 40 s
+  isAway = false;
+  await shown(page, 96);
+  await expect(page.locator("#banner")).toBeHidden();
+});
+
 test("a body that breaks off is asked for again", async ({ page }) => {
   let grids = 0;
   const proxy = http.createServer((request, response) => {
