@@ -65,6 +65,12 @@ set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
     ${PROJECT_SOURCE_DIR}/docker/debian/python/postinst
     ${PROJECT_SOURCE_DIR}/docker/debian/python/prerm)
 
+foreach(component IN LISTS CPACK_COMPONENTS_ALL)
+  string(TOUPPER ${component} upper)
+  install(FILES docker/debian/copyright
+    DESTINATION share/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME} COMPONENT ${component})
+endforeach()
+
 # Where Debian's python3 looks for packages. The metadata tells pip of it.
 set(voxeld_python_dir lib/python3/dist-packages)
 install(DIRECTORY python/voxeld DESTINATION ${voxeld_python_dir} COMPONENT python

@@ -145,7 +145,9 @@ class Clone:
         return ENDPOINT.sub(replace, text)
 
     def demo(self, *arguments):
-        done = subprocess.run([self.root / "tools/demo", *arguments], env=self.environment, cwd=self.root,
+        # A proxy that does not answer: the demo asks this machine without it.
+        env = {**self.environment, "http_proxy": "http://127.0.0.1:9"}
+        done = subprocess.run([self.root / "tools/demo", *arguments], env=env, cwd=self.root,
                               capture_output=True, text=True, timeout=BLOCK_SECONDS)
         assert done.returncode == 0, f"tools/demo: {done.returncode}\n{done.stdout}{done.stderr}"
         return done.stdout
@@ -255,6 +257,16 @@ class Demo(unittest.TestCase):
                 self.assertIsNone(wrong_with(clone.root / name), name)
         finally:
             clone.close()
+
+    def test_another_program_with_the_number_of_an_ended_daemon_is_left_alone(self):
+        clone = Clone()
+        self.addCleanup(clone.close)
+        other = subprocess.Popen(["sleep", "1000"])
+        self.addCleanup(other.wait)
+        self.addCleanup(other.kill)
+        (clone.root / "build/demo").mkdir(parents=True)
+        (clone.root / "build/demo/voxeld.pid").write_text(f"{other.pid}\n")
+        self.assertEqual(clone.demo("stop"), "not running\n")
 
 
 class Checks(unittest.TestCase):

@@ -83,13 +83,15 @@ class Install(DaemonTest):
     def test_the_daemon_is_installed_with_its_service(self):
         prefix = self.install_server()
         files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
-        self.assertEqual(files, {"bin/voxeld", "lib/systemd/system/voxeld.service", "etc/default/voxeld"})
+        self.assertEqual(files, {"bin/voxeld", "lib/systemd/system/voxeld.service", "etc/default/voxeld",
+                                 "share/doc/voxeld/copyright"})
         cache = (BUILD / "CMakeCache.txt").read_text()
         configured = re.search(r"^CMAKE_INSTALL_PREFIX:PATH=(.*)$", cache, re.M)[1]
         self.assertNotEqual(configured, "/usr")
         unit = (prefix / "lib/systemd/system/voxeld.service").read_text()
         self.assertIn(f"\nExecStart={configured}/bin/voxeld serve\n", unit)
         self.assertIn(f"\nEnvironmentFile=-{configured}/etc/default/voxeld\n", unit)
+        self.assertIn("\nOOMPolicy=continue\n", unit)  # a worker that the kernel kills ends no others
         self.assertNotIn("@", unit.replace("@system-service", "").replace("@privileged", ""))
 
     def test_the_defaults_file_lists_each_setting_with_its_default(self):
