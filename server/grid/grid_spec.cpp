@@ -14,6 +14,9 @@ namespace {
 constexpr double kExtentMax = 1e30;
 constexpr double kExtentMin = 1e-30;
 constexpr double kExtentToReachMin = 1e-9;
+// Smaller voxels, as a part of the largest coordinate, leave no digits for 1/4096 of one, the
+// tolerance with which faces on the grid's box are snapped (voxel/triangles/snap.cpp).
+constexpr double kVoxelToReachMin = 0x1p-40;
 // A side that exceeds N voxels by less than this is a rounding error and gets no further cell.
 constexpr double kCellTolerance = 1.0 / 4096;
 
@@ -76,6 +79,13 @@ Result<GridSpec> checked(const Box& box, const glm::dvec3& cells, const glm::dve
     return Error{ErrorCode::kGridTooLarge, "grid dims",
                  "at most " + std::to_string(limits::kGridSideMax) + " cells on a side",
                  count(cells.x) + " x " + count(cells.y) + " x " + count(cells.z)};
+  }
+  for (int c = 0; c < 3; ++c) {
+    if (!(box.extent()[c] > 0) || voxel_size[c] >= box.reach(c) * kVoxelToReachMin) continue;
+    return invalid(
+        "voxels are too small for their distance from the origin to be placed exactly",
+        "at least 2^-40 of the largest coordinate",
+        option_values::to_text(voxel_size[c]) + " at " + option_values::to_text(box.reach(c)));
   }
   return centred(box, cells, voxel_size);
 }

@@ -75,8 +75,10 @@ uint32_t coord_order(const TileCoord& coord) {
 }
 
 size_t tile_bytes(const SparseTile& tile) {
+  size_t attributes = 0;
+  for (const ChannelInfo& info : kChannels) attributes += channel_bytes(tile, info.channel).size();
   return tile.masks.size() * (sizeof(BrickMask) + sizeof(uint32_t)) +
-         tile.full.size() * sizeof(FullNode) + tile.color.size() + tile.normal.size();
+         tile.full.size() * sizeof(FullNode) + attributes;
 }
 
 Result<std::vector<SparseTile>> read_tiles(const TileSource& source, size_t begin, size_t end) {

@@ -27,7 +27,7 @@ class DrawingCost {
  private:
   size_t node_bytes() const;
 
-  size_t tiles_ = 0, bricks_ = 0, full_ = 0, values_ = 0, tile_bytes_ = 0;
+  size_t tiles_ = 0, bricks_ = 0, blocks_ = 0, values_ = 0, tile_bytes_ = 0;
 };
 
 }  // namespace voxeld

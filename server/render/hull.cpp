@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -47,10 +48,12 @@ class Rows {
     const glm::ivec3 base =
         glm::ivec3(tile.coord[0], tile.coord[1], tile.coord[2]) * limits::kTileSide;
     for (const FullNode& node : tile.full) {
+      cancel_point();
       const glm::ivec3 low = base + first_cell(node.brick_morton);
       add(low, low + (limits::kBrickSide << node.level));
     }
     for (size_t i = 0; i < tile.masks.size(); ++i) {
+      cancel_point();
       const glm::ivec3 low = base + first_cell(tile.brick_morton[i]);
       // A cube that holds the brick is the same for all of its cells.
       if ((1 << shift_) >= limits::kBrickSide) {

@@ -10,7 +10,9 @@
 #include <limits>
 #include <span>
 
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
+#include "server/base/pieces.h"
 #include "server/render/hull.h"
 #include "server/render/mean_voxel.h"
 #include "shaders/shared/raymarch.h"
@@ -134,9 +136,9 @@ class Packer {
     if (std::max(colors, normals) > std::numeric_limits<uint32_t>::max()) {
       return too_large("voxels", std::max(colors, normals));
     }
-    packed_.bricks.resize(bricks * RAYMARCH_BRICK_WORDS);
-    if (packed_.has_color) packed_.colors.resize(colors);
-    if (grid_.channels.normal) packed_.normals.resize(normals);
+    resize_in_pieces(packed_.bricks, bricks * RAYMARCH_BRICK_WORDS);
+    if (packed_.has_color) resize_in_pieces(packed_.colors, colors);
+    if (grid_.channels.normal) resize_in_pieces(packed_.normals, normals);
     return {};
   }
 
@@ -227,18 +229,21 @@ class Packer {
       const std::vector<uint16_t>& ids = id_samples(tile, *ids_);
       VOXELD_CHECK(first + ids.size() <= packed_.colors.size(), "an id per voxel");
       for (size_t i = 0; i < ids.size(); ++i) {
+        cancel_point_at(i);
         packed_.colors[first + i] = packed_color(id_color(ids[i]));
       }
     }
     if (!grid_.channels.normal) return;
     VOXELD_CHECK(first + tile.normal.size() / 3 <= packed_.normals.size(), "a normal per voxel");
     for (size_t i = 0; i + 3 <= tile.normal.size(); i += 3) {
+      cancel_point_at(i / 3);
       packed_.normals[first + i / 3] =
           pack_normal(tile.normal[i], tile.normal[i + 1], tile.normal[i + 2]);
     }
   }
 
   void add_brick(uint32_t brick_morton, const BrickMask& mask) {
+    cancel_point();
     const glm::ivec3 brick = decoded(brick_morton);
     grow_box(mask, tile_base_ + brick * limits::kBrickSide);
     brick_entry(brick) = RAYMARCH_CHILD | static_cast<uint32_t>(bricks_done_);

@@ -34,7 +34,7 @@ struct PackedGrid {
 // Packs a grid. A grid with labels or materials but no colours gets a colour for each id:
 // id_color(). Memory grows with the occupied bricks, not with the grid's volume. Errors:
 // grid-too-large if 2^32 voxels or more have attributes, or a table would need 2^30 entries or
-// more.
+// more. Has cancellation points.
 Result<PackedGrid> pack_grid(const Grid& grid);
 
 }  // namespace voxeld

@@ -40,12 +40,30 @@ double linear_from_srgb(uint8_t value) {
 // plane between cells however they are rounded, also in the single precision of the page.
 constexpr double kSectionMargin = 1.0 / 256.0;
 
-// Converts a world plane to a grid plane.
+double largest_of(const glm::dvec3& v) {
+  return std::max(v.x, std::max(v.y, v.z));
+}
+
+// The power of two that brings a length to about 1. World units may be so large or small that
+// floats, and squares of them, overflow or are 0. Products with it are exact.
+double unit_scale(double length) {
+  return length > 0.0 ? std::ldexp(1.0, std::clamp(-std::ilogb(length), -1000, 1000)) : 1.0;
+}
+
+// Planes are at most so many voxels from the grid's corner, which is far outside every grid.
+constexpr double kSectionDistanceMax = 1e30;
+
+// Converts a world plane to a grid plane, whose largest coefficient is about 1.
 glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec) {
-  const glm::dvec3 normal(plane[0], plane[1], plane[2]);
+  glm::dvec3 normal(plane[0], plane[1], plane[2]);
+  const double scale = unit_scale(largest_of(glm::abs(normal)));
+  normal *= scale;
   const glm::dvec3 in_grid = normal * spec.voxel_size, size = glm::abs(in_grid);
   const double margin = kSectionMargin * (size.x + size.y + size.z);
-  return {in_grid, glm::dot(normal, spec.origin_world) + plane[3] + margin};
+  const double d = glm::dot(normal, spec.origin_world) + scale * plane[3] + margin;
+  const double grid_scale = unit_scale(largest_of(size));
+  return {grid_scale * in_grid,
+          std::clamp(grid_scale * d, -kSectionDistanceMax, kSectionDistanceMax)};
 }
 
 double smooth_step(double from, double to, double at) {
@@ -186,8 +204,8 @@ Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const Ren
     split(section_in_grid(*options.section, grid.spec), block.section, block.section_low);
   }
   const glm::dvec3 voxel = grid.spec.voxel_size;
-  const double voxel_max = std::max(voxel.x, std::max(voxel.y, voxel.z));
-  block.voxel_size = to_vec4(glm::dvec4(voxel, voxel_max));
+  const double voxel_max = largest_of(voxel);
+  block.voxel_size = to_vec4(unit_scale(voxel_max) * glm::dvec4(voxel, voxel_max));
   // The light comes over the viewer's right shoulder, so that visible faces are lit and still show
   // relief.
   const double voxel_pixels = voxel_max / rays.world_per_pixel(options.width);

@@ -82,7 +82,7 @@ struct RaymarchParams {
   vec4 near_0_low, near_x_low, near_y_low;
   vec4 far_0_low, far_x_low, far_y_low;
   vec4 section_low;
-  vec4 voxel_size;   // world units per voxel, xyz; w: the largest of the three
+  vec4 voxel_size;   // sides of a voxel in any unit, xyz; w: the largest of the three
   vec4 light_world;  // unit vector towards the key light; w: share of the face in shaded normals
   vec4 background;   // linear light RGB, straight alpha, at the image's lower edge
   vec4 background_top;  // at its upper edge

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include "server/grid/color/color_tables.h"
 #include "server/voxel/attributes/mip_chain.h"
@@ -63,6 +64,11 @@ Status AttributePass::begin_voxels(size_t first, size_t count) {
   const size_t bytes = count * channels_.count() * 4;
   VOXELD_TRY(gpu::ensure_size(sums_, device_->context(), bytes, "sums"));
   VOXELD_TRY(gpu::ensure_size(carries_, device_->context(), bytes + 4, "carries"));
+  if (std::exchange(is_summing_, true)) {
+    // A job ended before read(). Its carries would be added to these sums.
+    device_->context().gl().MemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
+    carries_.clear(0, carries_.size_bytes());
+  }
   sums_.clear(0, bytes);
   return {};
 }
@@ -129,10 +135,12 @@ void AttributePass::read(std::vector<uint32_t>& sums, std::vector<uint32_t>& car
   std::array<uint32_t, 1> carried{};
   carries_.read(0, std::span<uint32_t>(carried));
   carries.clear();
-  if (carried[0] == 0) return;
-  carries.resize(count);
-  carries_.read(4, std::span(carries));
-  carries_.clear(0, 4 + 4 * count);
+  if (carried[0] != 0) {
+    carries.resize(count);
+    carries_.read(4, std::span(carries));
+    carries_.clear(0, 4 + 4 * count);
+  }
+  is_summing_ = false;
 }
 
 int64_t AttributePass::bytes() const {

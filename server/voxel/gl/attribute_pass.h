@@ -60,6 +60,7 @@ class AttributePass {
   gpu::Buffer attributes_, word_offsets_, sums_, carries_, linear_;
   std::vector<gpu::Texture2D> textures_;  // per image of the scene; empty where unused
   uint64_t textures_key_ = 0;             // key of textures_; 0: none
+  bool is_summing_ = false;               // sums were begun and not read: carries_ may not be 0
   AttributeChannels channels_;
   shared::VoxelizeParams params_;
 };

@@ -237,7 +237,10 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   }
   if (kind == Fill::kBand) {
     VOXELD_ASSIGN(found, distances->band(plan.options.thickness, progress));
-    if (!measures) std::ranges::for_each(found, canonicalize);
+    for (SparseTile& tile : found) {
+      cancel_point();
+      if (!measures) canonicalize(tile);
+    }
     add_stage(stats.passes, "band", watch.lap());
   }
   if (kind == Fill::kShell) {

@@ -14,6 +14,13 @@ namespace {
 // Tolerance in seconds: clients write times with few digits, and rates do not divide durations
 // exactly.
 constexpr double kTimeTolerance = 1e-6;
+// glTF has times in single precision: an end may be this part of itself early.
+constexpr double kFloatTolerance = 0x1p-24;
+
+// The end of an animation in seconds, with the tolerances.
+double end_of(const AnimationInfo& animation) {
+  return animation.duration_s * (1.0 + kFloatTolerance) + kTimeTolerance;
+}
 
 std::string short_number(double value) {
   char text[32];
@@ -29,7 +36,7 @@ std::string frames_text(const std::array<int, 2>& frames) {
 Status check_times(std::string_view option, const std::vector<double>& times_s,
                    const AnimationInfo& animation) {
   for (const double time_s : times_s) {
-    if (time_s <= animation.duration_s + kTimeTolerance) continue;
+    if (time_s <= end_of(animation)) continue;
     return Error{ErrorCode::kInvalidOption,
                  std::string(option) + ": after the end of the animation",
                  "0 to " + short_number(animation.duration_s) + " seconds", short_number(time_s)};
@@ -63,7 +70,7 @@ Result<FrameTimes> frame_times(const AnimationOptions& options, const AnimationI
     return FrameTimes{options.times_s, 0.0};
   }
   FrameTimes found{{}, rate_of(options, animation)};
-  const double last = std::floor(animation.duration_s * found.fps + kTimeTolerance);
+  const double last = std::floor(end_of(animation) * found.fps);
   const double count = std::max(last, 0.0) + 1.0;
   // Without `frames` the count may be any number; 1e15 fits into a size_t.
   const double counted = std::min(count, 1e15);

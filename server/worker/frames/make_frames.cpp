@@ -205,7 +205,7 @@ class FrameLoop {
           return run_.monitor.set_progress(done, total) && !is_cancelled();
         },
         &stats_);
-    note_device(run_.engine, stats_);
+    note_device(run_.engine, stats_, made);
     return made;
   }
 

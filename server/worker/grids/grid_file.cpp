@@ -10,19 +10,13 @@
 #include "server/base/cancel_point.h"
 #include "server/base/clock.h"
 #include "server/base/parallel.h"
+#include "server/grid/tile_source.h"
 #include "server/worker/grids/tile_parts.h"
 
 namespace voxeld {
 namespace {
 
 constexpr size_t kCopyBytes = size_t{4} << 20;
-
-size_t bytes_of(const SparseTile& tile) {
-  size_t attributes = 0;
-  for (const ChannelInfo& info : kChannels) attributes += channel_bytes(tile, info.channel).size();
-  return tile.masks.size() * (sizeof(BrickMask) + sizeof(uint32_t)) +
-         tile.full.size() * sizeof(FullNode) + attributes;
-}
 
 Result<UniqueFd> create(const std::filesystem::path& path) {
   UniqueFd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
@@ -140,7 +134,7 @@ void GridOutput::note(std::vector<SparseTile> tiles) {
   for (const SparseTile& tile : tiles) {
     cancel_point();
     hasher_->add(tile);
-    kept_bytes_ += bytes_of(tile);
+    kept_bytes_ += tile_bytes(tile);
   }
   if (!keep_ && kept_bytes_ > kept_bytes_max_) {
     has_tiles_ = false;

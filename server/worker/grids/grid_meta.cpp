@@ -161,10 +161,9 @@ std::vector<Warning> grid_warnings(const VoxelizeOptions& options, uint64_t voxe
   return warnings;
 }
 
-void note_device(Engine& engine, const VoxelizeStats& stats) {
-  if (!stats.device_failure.empty() || stats.pipeline != Pipeline::kCpu) {
-    engine.note_device(stats.device_failure);
-  }
+void note_device(Engine& engine, const VoxelizeStats& stats, const Status& made) {
+  const bool has_worked = made.ok() && stats.pipeline != Pipeline::kCpu;
+  if (!stats.device_failure.empty() || has_worked) engine.note_device(stats.device_failure);
 }
 
 void add_input_meta(TaskRun& run, const GridMeta& container_meta) {

@@ -10,6 +10,7 @@
 
 #include "proto/messages/task_api.h"
 #include "proto/options/options.h"
+#include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/scene/core/scene.h"
 #include "server/voxel/voxelize.h"
@@ -43,8 +44,9 @@ void add_making_meta(TaskRun& run, const GridMeta& container_meta, const Voxeliz
 // "ambiguous-solid".
 std::vector<Warning> grid_warnings(const VoxelizeOptions& options, uint64_t voxel_count,
                                    const VoxelizeStats& stats);
-// Records for the worker how its device did, if the job used it. Call it after the voxelizer.
-void note_device(Engine& engine, const VoxelizeStats& stats);
+// Records for the worker how its device did, if the job used it. Call it after the voxelizer, with
+// its outcome: a job that fails elsewhere, such as in its plan, tells nothing about the device.
+void note_device(Engine& engine, const VoxelizeStats& stats, const Status& made);
 // Adds the container's meta, and this device, to the task's meta.
 void add_input_meta(TaskRun& run, const GridMeta& container_meta);
 

@@ -103,7 +103,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
     made = run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
                                          progress_of(run), &stats);
   }
-  note_device(run.engine, stats);
+  note_device(run.engine, stats, made);
   add_stage(run.completion.timings, "voxelize", watch.ms() - output.encode_ms());
   add_stage(run.completion.timings, "encode", output.encode_ms());
   VOXELD_TRY(made);

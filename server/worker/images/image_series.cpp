@@ -51,7 +51,9 @@ Result<RenderImage> render_image(TaskRun& run, const LoadedGrid& grid, const std
   const bool has_device_failed = is_on_device && !image.ok() &&
                                  (image.error().code == ErrorCode::kInternal ||
                                   image.error().code == ErrorCode::kDeviceUnavailable);
-  if (is_on_device) run.engine.note_device(has_device_failed ? image.error().message() : "");
+  if (is_on_device && (image.ok() || has_device_failed)) {
+    run.engine.note_device(has_device_failed ? image.error().message() : "");
+  }
   if (has_device_failed && options.renderer == RendererChoice::kAuto) {
     by.resident_key->clear();
     add_meta(run, {{"device_failure", image.error().message()}});

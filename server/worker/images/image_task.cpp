@@ -129,9 +129,13 @@ Status render_moment(TaskRun& run, const RequestOptions& options) {
   clip.moving.show(vertices);
   SharedFrames frames(clip.spec);
   const SceneInput scene{clip.moving.scene(), key, &frames};
-  Status done = draw_scene(run, scene, key, seen);
-  run.engine.voxelizer.end_frames();
-  return done;
+  // A cancelled task leaves by an exception.
+  struct FramesEnd {
+    ~FramesEnd() { voxelizer.end_frames(); }
+    Voxelizer& voxelizer;
+  };
+  const FramesEnd end{run.engine.voxelizer};
+  return draw_scene(run, scene, key, seen);
 }
 
 // asset -> sequence -> images of its frames

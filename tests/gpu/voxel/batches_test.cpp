@@ -125,6 +125,38 @@ TEST(Batches, a_job_is_cancelled_between_the_dispatches_of_a_batch) {
   }
 }
 
+// Sums that carried before a job was cancelled must not reach the next job.
+TEST(Batches, a_cancelled_job_leaves_no_carries) {
+  MeshPart part;
+  for (int i = 0; i < 100; ++i) {
+    add_quad(part, {glm::dvec3(0, 0, 0.5), {8, 0, 0.5}, {8, 8, 0.5}, {0, 8, 0.5}});
+  }
+  // 100 squares of weight 4096 and 0.4 * 65535 are above 2^33.
+  part.colors.assign(part.positions.size(), glm::vec4(0.4f, 0.4f, 0.4f, 1.0f));
+  const Scene scene = scene_of(part);
+  VoxelizeOptions options = unit_cells({8, 8, 1});
+  const Grid expected = voxelize(scene, options, PipelineChoice::kCpu);
+  for (const bool batches : {true, false}) {
+    for (const PipelineChoice pipeline : {PipelineChoice::kCompute, PipelineChoice::kRaster}) {
+      Voxelizer one(
+          std::make_unique<GlPipeline>(gpu::test_context(), shared_shaders(),
+                                       GlTuning{.batches = batches, .dispatch_columns = 1}));
+      options.pipeline = pipeline;
+      // Cancels the job at a call of its progress. True if it ended before.
+      const auto ends_before = [&](int call) {
+        int seen = 0;
+        const auto grid = one.voxelize(
+            scene, options, [&](int64_t, int64_t) { return seen++ != call; }, nullptr);
+        return grid.ok();
+      };
+      for (int call = 0; call < 200 && !ends_before(call); ++call) {
+        const Grid grid = voxelize_on(one, scene, options, pipeline);
+        EXPECT_TRUE(grid.tiles == expected.tiles) << batches << " cancelled at call " << call;
+      }
+    }
+  }
+}
+
 TEST(DispatchPace, takes_the_work_of_50_ms) {
   DispatchPace pace(gpu::test_context(), {});
   const Workload work{.tiles = 1, .triangles = 1000, .columns = 25'000};

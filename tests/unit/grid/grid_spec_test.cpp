@@ -188,6 +188,19 @@ TEST(Placement, boxes_that_cannot_be_placed_exactly_are_refused) {
   EXPECT_EQ(refused(by_size(8), Vec(0), Vec(1e-31)).code, ErrorCode::kInvalidOption);
 }
 
+TEST(Placement, voxels_that_cannot_be_placed_exactly_are_refused) {
+  const Vec far(2e8);
+  const Error error = refused(by_size(16384), far, far + Vec(1));
+  EXPECT_EQ(error.code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(error.message(),
+            "voxels are too small for their distance from the origin to be placed exactly: "
+            "expected at least 2^-40 of the largest coordinate, got 6.103515625e-05 at 200000001");
+  EXPECT_EQ(refused(by_voxel(1e-4, 1, 1), far, far + Vec(1)).code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(placed(by_size(4096), far, far + Vec(1)).dims, glm::ivec3(4096));
+  // A side without extent is around its one cell.
+  EXPECT_EQ(placed(by_voxel(1e-4, 1, 1), far, far + Vec(0, 1, 1)).dims.x, 1);
+}
+
 TEST(Placement, bounds_that_are_thin_for_their_distance_cannot_be_cut_into_cells) {
   PlacementOptions options = by_dims(8, 8, 8);
   options.bounds = {0, 0, 1e12, 1e12, 1e12, 1e12 + 1};

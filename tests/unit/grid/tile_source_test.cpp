@@ -64,6 +64,18 @@ TEST(TileSource, a_cache_reads_tiles_once_until_it_is_full) {
   EXPECT_EQ(reads, static_cast<int>(count) + 2);
 }
 
+TEST(TileSource, the_bytes_of_a_tile_have_all_its_channels) {
+  SparseTile tile;
+  tile.brick_morton = {3};
+  tile.masks.resize(1);
+  tile.masks[0].words[0] = 7;  // three voxels
+  const size_t without = tile_bytes(tile);
+  ChannelSet channels;
+  for (const ChannelInfo& info : kChannels) channels.set(info.channel, true);
+  resize_channels(tile, channels);
+  EXPECT_EQ(tile_bytes(tile), without + 3 * attribute_bytes(channels));
+}
+
 TEST(TileSource, the_occupied_box_is_tight) {
   for (uint32_t seed = 0; seed < 20; ++seed) {
     const Grid grid =

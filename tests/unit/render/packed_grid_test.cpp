@@ -4,6 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+
+#include "server/base/cancel_point.h"
+#include "server/render/hull.h"
 #include "shaders/shared/raymarch.h"
 
 namespace voxeld {
@@ -188,6 +192,14 @@ TEST(PackGrid, bricks_and_blocks_keep_the_means_of_their_voxels) {
   const uint32_t block = packed->nodes[tile + 1] & ~RAYMARCH_CHILD;
   EXPECT_EQ(packed->nodes[block + RAYMARCH_BLOCK_COLOR], 0xff0a00bcu);
   EXPECT_EQ(packed->nodes[block + RAYMARCH_BLOCK_NORMAL], 0x00c0003fu);
+}
+
+TEST(PackGrid, can_be_cancelled) {
+  const Grid grid = three_voxels();
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  EXPECT_THROW((void)pack_grid(grid), Cancelled);
+  EXPECT_THROW((void)hull_points(grid), Cancelled);
 }
 
 TEST(PackGrid, an_empty_grid_is_framed_whole) {

@@ -2,6 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "server/render/cpu/cpu_renderer.h"
@@ -65,6 +68,34 @@ TEST(Section, a_plane_on_the_side_of_the_grid_cuts_all_of_it_or_nothing_away) {
     EXPECT_TRUE(hits_of_section(grid, axis, kSide, true).empty()) << axis;
     EXPECT_GT(hits_of_section(grid, axis, kSide, false).size(), 1000u) << axis;
     EXPECT_GT(hits_of_section(grid, axis, 0, true).size(), 1000u) << axis;
+  }
+}
+
+// The image of the cube in world units of 2^exponent, cut in the middle. The plane's numbers are
+// multiplied by `plane_scale`.
+std::vector<uint8_t> cut_image(int exponent, double plane_scale) {
+  Grid grid = full_cube();
+  const double unit = std::ldexp(1.0, exponent);
+  grid.spec.voxel_size *= unit;
+  grid.spec.origin_world *= unit;
+  RenderOptions options;
+  options.width = options.height = kPixels;
+  options.azimuth_deg = 30;
+  options.elevation_deg = 20;
+  const double middle = grid.spec.origin_world.z + 0.5 * kSide * grid.spec.voxel_size.z;
+  options.section = {0, 0, plane_scale, -plane_scale * middle};
+  CpuRenderer renderer;
+  EXPECT_TRUE(renderer.set_grid(grid).ok());
+  const auto image = renderer.render(options, {});
+  EXPECT_TRUE(image.ok());
+  return image.ok() ? image->rgba : std::vector<uint8_t>();
+}
+
+TEST(Section, an_image_does_not_depend_on_the_unit_of_lengths) {
+  const std::vector<uint8_t> image = cut_image(0, 1.0);
+  for (const int exponent : {-80, 70}) {
+    EXPECT_EQ(cut_image(exponent, 1.0), image) << exponent;
+    EXPECT_EQ(cut_image(exponent, std::ldexp(1.0, -90)), image) << exponent;
   }
 }
 

@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <map>
 #include <random>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/distance/distance_field.h"
 #include "tests/bench/waves.h"
 #include "tests/reference/distance_oracle.h"
@@ -366,6 +368,14 @@ std::map<std::array<int, 3>, int> distances_of(const Grid& grid) {
     });
   }
   return all;
+}
+
+TEST(Band, its_estimate_and_its_tree_can_be_cancelled) {
+  const FillMesh mesh = FillMesh::of(corner_soup(30, 7), limits::kSubVoxelBits);
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  EXPECT_THROW((void)band_cells_max(mesh, glm::ivec3(24), 3), Cancelled);
+  EXPECT_THROW((void)TriangleTree(mesh), Cancelled);
 }
 
 TEST(SignedDistance, is_the_oracles_distance_and_sign_by_every_fill) {

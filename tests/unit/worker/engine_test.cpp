@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "server/worker/grids/grid_meta.h"
+
 namespace voxeld {
 namespace {
 
@@ -34,6 +36,25 @@ TEST(Engine, cached_inputs_of_one_tenant_do_not_serve_another) {
   EXPECT_TRUE(is_kept());
   engine.begin_task_of("studio");
   EXPECT_FALSE(is_kept());
+}
+
+TEST(Engine, only_a_job_that_works_on_the_device_ends_its_failure) {
+  Engine engine(open_device(gpu::DeviceId{.kind = gpu::DeviceKind::kCpu}, "").value());
+  VoxelizeStats failed;
+  failed.pipeline = Pipeline::kCpu;
+  failed.device_failure = "no memory";
+  note_device(engine, failed, {});
+  EXPECT_EQ(engine.device_failure, "no memory");
+  note_device(engine, {}, Error{ErrorCode::kGridTooLarge, "grid dims", "", ""});
+  EXPECT_EQ(engine.device_failure, "no memory") << "it failed before a pipeline was chosen";
+  VoxelizeStats by_cpu;
+  by_cpu.pipeline = Pipeline::kCpu;
+  note_device(engine, by_cpu, {});
+  EXPECT_EQ(engine.device_failure, "no memory");
+  VoxelizeStats by_device;
+  by_device.pipeline = Pipeline::kCompute;
+  note_device(engine, by_device, {});
+  EXPECT_EQ(engine.device_failure, "");
 }
 
 }  // namespace

@@ -53,6 +53,19 @@ TEST(FrameTimes, another_rate_gives_the_frames_that_are_not_after_the_end) {
   EXPECT_EQ(frame_times({}, bob)->times_s.size(), 140u);
 }
 
+TEST(FrameTimes, an_end_in_single_precision_has_its_frame) {
+  for (const int last : {50, 100, 2399}) {
+    // glTF's time of key `last` at 24 frames a second, which may be less than the number.
+    const AnimationInfo keys{"keys", 0, 0.0, double{static_cast<float>(last / 24.0)}};
+    const auto times = frame_times({}, keys);
+    ASSERT_TRUE(times.ok()) << last;
+    EXPECT_EQ(times->times_s.size(), static_cast<size_t>(last) + 1) << last;
+    AnimationOptions options;
+    options.time_s = times->times_s.back();
+    EXPECT_TRUE(frame_times(options, keys).ok()) << last;
+  }
+}
+
 TEST(FrameTimes, a_part_of_the_frames_keeps_their_times) {
   const auto times = frame_times(with_frames(3, 5), kWalk);
   ASSERT_TRUE(times.ok());

@@ -85,16 +85,23 @@ Status GlInside::run(const InsideJob& in, const ColumnProgress& progress, int64_
   Stopwatch watch;
   Job job(in, tiles, votes);
   add_stage(job.host, "inside_bin", watch.lap());
+  // A cancelled job leaves by an exception.
+  struct JobEnd {
+    ~JobEnd() {
+      inside.passes_.end_job();
+      inside.timer_.reset();
+    }
+    GlInside& inside;
+  };
+  const JobEnd end{*this};
   timer_.emplace(*context_);
   Status done = passes_.begin_job(job.sweeps, stats.pipeline);
   if (done.ok()) done = run_job(job, progress);
   stats.device_bytes_peak = std::max(stats.device_bytes_peak, other_bytes + passes_.bytes());
-  passes_.end_job();
   if (done.ok()) {
     for (const auto& [pass, ms] : timer_->results()) add_stage(stats.passes, pass, ms);
     for (const auto& [pass, ms] : job.host) add_stage(stats.passes, pass, ms);
   }
-  timer_.reset();
   return done;
 }
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -72,10 +74,14 @@ void squared_distances(const DistanceBox& box,
   scratch.row.resize(static_cast<size_t>(box.size.x));
   scratch.result.resize(side);
   scratch.of_planes.assign(planes * side * side, kNoDistance);
-  for (int z = 0; z < box.size.z; ++z) distances_of_plane(box, z, fill_row, scratch);
+  for (int z = 0; z < box.size.z; ++z) {
+    cancel_point();
+    distances_of_plane(box, z, fill_row, scratch);
+  }
   out.assign(side * side * side, kNoDistance);
   scratch.line.resize(planes);
   for (size_t cell = 0; cell < side * side; ++cell) {
+    cancel_point();
     for (size_t z = 0; z < planes; ++z) scratch.line[z] = scratch.of_planes[z * side * side + cell];
     if (!envelope(box.first.z, box.side, scratch)) continue;
     for (size_t z = 0; z < side; ++z) out[z * side * side + cell] = scratch.result[z];

@@ -102,6 +102,7 @@ class BandWalk {
 
   // first: a cell of the tile. near: a triangle that is likely near.
   void walk(const glm::ivec3& first, int side, uint32_t near) {
+    cancel_point();
     if (glm::any(glm::greaterThanEqual(tile_cell_ + first, job_.dims))) return;
     if (side == 2) {
       add_node(first, near);
@@ -167,6 +168,7 @@ std::vector<glm::ivec3> reached_tiles(const DistanceJob& job, double thickness) 
   for (int z = 0; z < tiles.z; ++z) {
     for (int y = 0; y < tiles.y; ++y) {
       for (int x = 0; x < tiles.x; ++x) {
+        cancel_point();
         const glm::ivec3 tile(x, y, z);
         const auto nearest =
             job.triangles.find(centre_of(tile * limits::kTileSide, limits::kTileSide), reach, near);
@@ -202,6 +204,7 @@ std::vector<int16_t> distances_of_bricks(const DistanceJob& job, const SparseTil
   const glm::ivec3 tile_cell =
       glm::ivec3(tile.coord[0], tile.coord[1], tile.coord[2]) * limits::kTileSide;
   for (size_t b = begin; b < end; ++b) {
+    cancel_point();
     const auto at = morton_decode(tile.brick_morton[b]);
     const glm::ivec3 first = tile_cell + glm::ivec3(at[0], at[1], at[2]) * limits::kBrickSide;
     const BrickMask* inside = job.inside.find(first / limits::kBrickSide);
@@ -229,6 +232,7 @@ void for_each_cube(const glm::i64vec3& first, const glm::i64vec3& last, const gl
                    const Visit& visit) {
   for (int64_t z = first.z; z <= last.z; ++z) {
     for (int64_t y = first.y; y <= last.y; ++y) {
+      cancel_point();
       for (int64_t x = first.x; x <= last.x; ++x) {
         visit(static_cast<size_t>((z * cubes.y + y) * cubes.x + x));
       }
@@ -283,8 +287,9 @@ int64_t band_cells_max(const FillMesh& mesh, const glm::ivec3& dims, double thic
   std::vector<bool> reached(static_cast<size_t>(count_of(cubes)));
   const auto reach = static_cast<int>(std::ceil(thickness)) + 1;
   const int shift = mesh.sub_voxel_bits();
+  const int64_t all = count_of(cubes);
   int64_t count = 0;
-  for (size_t t = 0; t < mesh.triangle_count(); ++t) {
+  for (size_t t = 0; t < mesh.triangle_count() && count < all; ++t) {
     const auto v = mesh.corners(t);
     const glm::ivec3 low = (glm::min(v[0], glm::min(v[1], v[2])) >> shift) - reach;
     const glm::ivec3 high = (glm::max(v[0], glm::max(v[1], v[2])) >> shift) + reach;

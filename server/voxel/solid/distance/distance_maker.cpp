@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 
 glm::dvec3 distance_scale(const GridSpec& spec, DistanceUnit unit) {
@@ -26,6 +28,7 @@ Result<std::vector<SparseTile>> DistanceMaker::band(double thickness,
   VOXELD_TRY(find_band({triangles_, dims_, index_}, thickness, team_, progress, found));
   std::vector<SparseTile> cells;
   for (DistanceTile& tile : found) {
+    cancel_point();
     cells.push_back(tile.tile);
     if (scale_ != glm::dvec3(1.0)) continue;  // measured anew
     const auto coord = tile.tile.coord;

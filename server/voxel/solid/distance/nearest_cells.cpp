@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/solid/distance/brick_planes.h"
 
 namespace voxeld {
@@ -29,6 +30,7 @@ NearestCells::NearestCells(const BrickIndex& set, const glm::ivec3& dims, Thread
   rows_.resize(static_cast<size_t>(bricks.y) * static_cast<size_t>(bricks.z));
   for (int z = 0; z < bricks.z; ++z) {
     for (int y = 0; y < bricks.y; ++y) {
+      cancel_point();
       for (int x = 0; x < bricks.x; ++x) {
         const BrickMask* mask = set.find({x, y, z});
         if (mask != nullptr) rows_[row_of_bricks(y * kWidth, z * kWidth)].push_back({x, mask});
@@ -79,6 +81,7 @@ void NearestCells::add_row(int slab, int y, const SetCells& set, Scratch& scratc
 }
 
 void NearestCells::run_plane(int slab, int z, Scratch& scratch) {
+  cancel_point();
   const auto rows = static_cast<size_t>(dims_.y);
   scratch.squared.assign(size_t{kWidth} * rows, kNoDistance);
   scratch.x.resize(size_t{kWidth} * rows);
@@ -107,6 +110,7 @@ void NearestCells::run_lines(int y_begin, int y_end, Scratch& scratch) {
   const auto count = static_cast<size_t>(y_end - y_begin);
   scratch.squared.resize(count * planes);
   for (int x = 0; x < kWidth; ++x) {
+    cancel_point();
     for (size_t z = 0; z < planes; ++z) {
       const size_t from = place(x, y_begin, static_cast<int>(z));
       for (size_t i = 0; i < count; ++i) scratch.squared[i * planes + z] = squared_[from + i];

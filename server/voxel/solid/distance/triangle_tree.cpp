@@ -9,6 +9,8 @@
 
 #include <glm/common.hpp>
 
+#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/voxel/solid/distance/triangle_distance.h"
 
 namespace voxeld {
@@ -17,6 +19,12 @@ namespace {
 constexpr size_t kChildren = 4;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr int kKeyBits = 21;  // bits of the Morton order on each axis
+
+// A triangle's place in Morton order.
+struct Place {
+  uint64_t key;
+  uint32_t triangle;
+};
 
 // Spreads 21 bits to every third bit of 63.
 uint64_t spread_bits(uint64_t v) {
@@ -67,31 +75,41 @@ TriangleTree::TriangleTree(const FillMesh& mesh) {
            glm::i64vec3(glm::max(v[0], glm::max(v[1], v[2])));
   };
   for (size_t t = 0; t < count; ++t) {
+    cancel_point_at(t);
     low = glm::min(low, middle(t));
     high = glm::max(high, middle(t));
   }
   int shift = 0;
   while ((glm::max(high.x - low.x, glm::max(high.y - low.y, high.z - low.z)) >> shift) >> kKeyBits)
     ++shift;
-  std::vector<std::pair<uint64_t, uint32_t>> order(count);
+  std::vector<Place> order;
+  order.reserve(count);
   for (size_t t = 0; t < count; ++t) {
+    cancel_point_at(t);
     const glm::i64vec3 at = (middle(t) - low) >> int64_t{shift};
-    order[t] = {spread_bits(static_cast<uint64_t>(at.x)) |
-                    spread_bits(static_cast<uint64_t>(at.y)) << 1 |
-                    spread_bits(static_cast<uint64_t>(at.z)) << 2,
-                static_cast<uint32_t>(t)};
+    order.push_back({spread_bits(static_cast<uint64_t>(at.x)) |
+                         spread_bits(static_cast<uint64_t>(at.y)) << 1 |
+                         spread_bits(static_cast<uint64_t>(at.z)) << 2,
+                     static_cast<uint32_t>(t)});
   }
-  std::ranges::sort(order);
+  cancellable_sort(order.begin(), order.end(), [](const Place& a, const Place& b) {
+    return a.key != b.key ? a.key < b.key : a.triangle < b.triangle;
+  });
   triangles_.reserve(count);
-  for (const auto& [key, t] : order) triangles_.push_back(sorted(mesh.corners(t)));
+  for (const Place& place : order) {
+    cancel_point();
+    triangles_.push_back(sorted(mesh.corners(place.triangle)));
+  }
   do add_level();
   while (levels_.back().size() > 1);
 }
 
 void TriangleTree::add_level() {
   const size_t below = levels_.empty() ? triangles_.size() : levels_.back().size();
-  std::vector<Boxes> level((below + kChildren - 1) / kChildren, no_boxes());
+  std::vector<Boxes> level;
+  resize_in_pieces(level, (below + kChildren - 1) / kChildren, no_boxes());
   for (size_t i = 0; i < below; ++i) {
+    cancel_point_at(i);
     Boxes& node = level[i / kChildren];
     for (size_t axis = 0; axis < 3; ++axis) {
       float min = kInfinity, max = -kInfinity;

@@ -1,0 +1,50 @@
+// The memory that is foreseen against the tables that are made.
+#include "server/render/drawing_cost.h"
+
+#include <gtest/gtest.h>
+
+#include "proto/limits.h"
+#include "server/render/packed_grid.h"
+
+namespace voxeld {
+namespace {
+
+// One voxel in the first brick of each block: no two bricks share a block's table.
+Grid scattered() {
+  Grid grid;
+  grid.spec.dims = glm::ivec3(limits::kTileSide);
+  SparseTile tile;
+  for (uint32_t block = 0; block < 512; ++block) {
+    tile.brick_morton.push_back(64 * block);
+    tile.masks.emplace_back();
+    tile.masks.back().words[0] = 1;
+  }
+  grid.tiles = {tile};
+  return grid;
+}
+
+// The cost without the tile itself.
+size_t table_bytes(const Grid& grid) {
+  DrawingCost cost;
+  size_t bytes = 0;
+  for (const SparseTile& tile : grid.tiles) {
+    cost.add(tile);
+    bytes += tile_bytes(tile);
+  }
+  return cost.bytes() - bytes;
+}
+
+TEST(DrawingCost, is_not_less_than_the_tables_of_scattered_bricks) {
+  const Grid grid = scattered();
+  const auto packed = pack_grid(grid);
+  ASSERT_TRUE(packed.ok());
+  const size_t entries = packed->nodes.size() - 1;  // without that of the tile
+  EXPECT_EQ(table_bytes(grid), sizeof(uint32_t) * (entries + packed->bricks.size()));
+  DrawingCost cost;
+  cost.add(grid.tiles[0]);
+  EXPECT_TRUE(cost.fits({.table_bytes_max = entries * sizeof(uint32_t)}));
+  EXPECT_FALSE(cost.fits({.table_bytes_max = entries * sizeof(uint32_t) - 1}));
+}
+
+}  // namespace
+}  // namespace voxeld
