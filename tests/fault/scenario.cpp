@@ -149,8 +149,8 @@ class Life {
 
   Result<std::vector<JobStatus>> all_jobs() {
     std::vector<JobStatus> all;
-    VOXELD_TRY(service_->list(Caller::open(), {}, [&](const JobStatus& job) {
-      all.push_back(job);
+    VOXELD_TRY(service_->list(Caller::open(), {}, [&](const ListedJob& job) {
+      all.push_back(job.status);
       return true;
     }));
     return all;

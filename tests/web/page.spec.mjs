@@ -730,12 +730,12 @@ test("the daemon draws once the context is lost for good", async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);
-  await expect(page.locator("#card-look").getByLabel("Channel")).toBeVisible();
+  await expect(page.locator("#card-look").getByLabel("Show", { exact: true })).toBeVisible();
   await page.evaluate(() => {
     document.getElementById("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext();
   });
   await expect(page.locator("#picture")).toHaveAttribute("src", /^blob:/);
-  await expect(page.locator("#card-look").getByLabel("Channel")).toBeHidden();
+  await expect(page.locator("#card-look").getByLabel("Show", { exact: true })).toBeHidden();
 });
 
 test("a page of another origin can neither post nor read", async ({ page }) => {

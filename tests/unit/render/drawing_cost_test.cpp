@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "proto/limits.h"
+#include "server/grid/tile_source.h"
 #include "server/render/packed_grid.h"
 
 namespace voxeld {
