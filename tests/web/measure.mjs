@@ -43,11 +43,11 @@ function watch() {
 const now = page => page.evaluate(() => performance.now());
 const ends = page => page.evaluate(() => window.drawn.map(([, end]) => end));
 
-/** Waits until nothing was drawn for a while; when the last frame was finished. */
-async function rest(page) {
+/** Waits until a frame was drawn after `since`, and then none for a while; when the last one was finished. */
+async function rest(page, since = 0) {
   for (;;) {
     const last = (await ends(page)).at(-1) ?? 0;
-    if ((await now(page)) - last > QUIET_MS && last > 0) return last;
+    if ((await now(page)) - last > QUIET_MS && last > since) return last;
     await page.waitForTimeout(200);
   }
 }
@@ -99,7 +99,7 @@ async function measure(browser, { file, size }) {
   if (!(await isFull()) && (await page.locator("#cancel").isHidden())) await run.click();
   let at = 0;
   while (!(at = await isFull())) await page.waitForTimeout(50);
-  const still = await rest(page);
+  const still = await rest(page, at);
   const all = await ends(page);
   const row = {
     first: all.find(end => end > start) - start,
