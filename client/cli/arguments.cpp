@@ -232,8 +232,9 @@ CLI::App* CommandLine::add(const char* name, const char* help, Arguments::Comman
 void CommandLine::add_mesh_commands() {
   app.add_option(
          "input", inputs,
-         "mesh file (obj ply stl off gltf glb md5mesh 3mf zip), - for stdin; then files that "
-         "are sent with it (md5anim, textures), or with --out-dir further meshes")
+         "mesh file (obj ply stl off gltf glb md5mesh 3mf zip) or voxels (voxg vox binvox npy "
+         "nrrd), - for stdin; then files that are sent with it (md5anim, textures), or with "
+         "--out-dir further meshes")
       ->type_name("FILE");
   add_output_flags(app, arguments);
   add_option_flags(app, OptionScope::kVoxelize, voxelize_given);

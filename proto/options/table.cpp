@@ -344,9 +344,10 @@ std::vector<Option> output_options() {
        .codec = word(&O::alpha, words::kAlpha),
        .help = "whether voxels whose colour has alpha 0 are kept or left out",
        .details = "`auto`: left out of images and of formats whose colours have no alpha (`vox`, "
-                  "`obj`, `pcd`, `qb`, `schem`, `litematic`, `nbt`, `ldr`). After `level`, before "
-                  "`keep` and `hollow`. Alpha is 0 where all texels that the voxel holds are "
-                  "transparent: below the `alphaCutoff` of a glTF material in `MASK` mode.",
+                  "`xyz`, `obj`, `pcd`, `qb`, `schem`, `litematic`, `nbt`, `ldr`, `glb` with "
+                  "`mesh=instances`). After `level`, before `keep` and `hollow`. Alpha is 0 where "
+                  "all texels that the voxel holds are transparent: below the `alphaCutoff` of a "
+                  "glTF material in `MASK` mode.",
        .is_written = gives_alpha,
        .scopes = kAll},
       {.name = "keep",
@@ -374,7 +375,7 @@ std::vector<Option> output_options() {
       {.name = "hollow",
        .codec = integer(&O::hollow, 0, limits::kMorphologyStepsMax),
        .help = "thickness of the shell that remains of the voxels, in steps; 0: all remain",
-       .details = "Those voxels remain that `erode` by as many steps would remove.",
+       .details = "The voxels that remain are those that `erode` by as many steps would remove.",
        .is_written = is_hollow},
       {.name = "neighbors",
        .codec = word(&O::neighbors, words::kNeighbors),

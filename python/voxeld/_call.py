@@ -26,7 +26,7 @@ ProgressCallback = Callable[[Progress], Any]
 class CancelToken:
     """Cancels calls from another thread: pass it as `cancel=` and call `cancel()`.
 
-    The call ends at once with `Cancelled`, and its job is deleted.
+    The call ends at once with `Cancelled`, and its job is cancelled.
     """
 
     def __init__(self) -> None:

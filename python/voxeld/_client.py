@@ -44,7 +44,7 @@ class Client:
 
     The options of its methods are those of docs/options.md. Each method also takes
 
-        timeout: seconds until the call fails with `Timeout` and its job is deleted; None: no limit.
+        timeout: seconds until the call fails with `Timeout` and its job is cancelled; None: no limit.
         cancel: a CancelToken that ends the call from another thread, with `Cancelled`. Ctrl-C does so, too.
         progress: True: a bar (needs tqdm). None: a bar on a terminal and in a notebook if tqdm is installed. Or a
             function that is called with each `Progress`.
@@ -76,8 +76,9 @@ class Client:
         """Voxelizes a mesh.
 
         Args:
-            mesh: path of an OBJ, PLY, STL, OFF, glTF, GLB, MD5 mesh or zip; a list of paths, of which the first is the
-                mesh; bytes or a binary file, with `filename=` if the bytes do not tell their format;
+            mesh: path of an OBJ, PLY, STL, OFF, glTF, GLB, MD5 mesh, 3MF, zip or file of voxels (.voxg, .vox, .binvox,
+                .npy, .nrrd); a list of paths, of which the first is the mesh; bytes or a binary file, with `filename=`
+                if the bytes do not tell their format;
                 (vertices (N, 3), faces (M, 3) or (M, 4)[, colors (N, 3) or (N, 4)]); a mesh of trimesh or open3d; an
                 Asset. Files that a mesh names are sent from its folder. A file that the server has is not sent again.
             options: size=256, channels=["color", "normal"], fill="solid", … of docs/options.md.
@@ -408,8 +409,8 @@ class Animation(_JobStream):
 
     def save(self, path: str | os.PathLike[str], *, timeout: float | None = None, cancel: CancelToken | None = None,
              progress: bool | ProgressCallback | None = None, **options: Unpack[OutputOptions]) -> None:
-        """Writes all frames to a file whose extension chooses the format: .voxs, .npy, .npz, .vox, .zip (points), .gif
-        or .apng. Waits for the end of the job."""
+        """Writes all frames to a file whose extension chooses the format: .voxs, .npy, .npz, .vox, .zarr.zip, .zip (a
+        file for each frame: points, or `format=`), .gif or .apng. Waits for the end of the job."""
         target = pathlib.Path(path)
         if target.suffix.lower() in IMAGES and "format" not in options:
             image: Any = {"image": IMAGES[target.suffix.lower()], **options}

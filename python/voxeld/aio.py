@@ -6,7 +6,7 @@
         await client.save(g, "bunny.vox")
         async for frame in client.animate("bob.zip", animation=0): ...
 
-Each call runs in a thread. Cancelling its task ends the call at once and deletes its job.
+Each call runs in a thread. Cancelling its task ends the call at once and cancels its job.
 """
 from __future__ import annotations
 
