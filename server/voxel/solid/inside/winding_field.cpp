@@ -6,6 +6,7 @@
 #include <numbers>
 #include <tuple>
 
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
 #include "server/base/cancel_point.h"
@@ -106,49 +107,70 @@ int64_t WindingField::bytes_for(int64_t triangles) {
   return triangles * (kCornerBytes + 2 * static_cast<int64_t>(sizeof(Triangle) + sizeof(Node)));
 }
 
+// The order along an axis. Triangles that face the other way have the same one.
+bool WindingField::comes_before(const Triangle& a, const Triangle& b, int axis) {
+  cancel_point();
+  const int64_t middle_a = a.a[axis] + a.b[axis] + a.c[axis];
+  const int64_t middle_b = b.a[axis] + b.b[axis] + b.c[axis];
+  if (middle_a != middle_b) return middle_a < middle_b;
+  const auto [a_low, a_high] = std::minmax({key_of(a.b), key_of(a.c)});
+  const auto [b_low, b_high] = std::minmax({key_of(b.b), key_of(b.c)});
+  return std::tuple(key_of(a.a), a_low, a_high, key_of(a.b)) <
+         std::tuple(key_of(b.a), b_low, b_high, key_of(b.b));
+}
+
+// Every sum is over a leaf in order, or over two children: it does not depend on how a library
+// selects the lower half.
 uint32_t WindingField::build(uint32_t first, uint32_t count) {
   const auto index = static_cast<uint32_t>(nodes_.size());
   Node node = {first, count, 0, glm::dvec3(0), glm::dvec3(0), 0, 0, 0};
-  glm::dvec3 low(1e300), high(-1e300), weighted(0);
+  push_in_pieces(nodes_, node);
   const auto begin = triangles_.begin() + first, end = begin + count;
+  glm::i64vec3 low = begin->a, high = begin->a;
   for (auto t = begin; t != end; ++t) {
     cancel_point();
-    const glm::dvec3 a = to_double(t->a), b = to_double(t->b), c = to_double(t->c);
-    const glm::dvec3 normal = 0.5 * glm::cross(b - a, c - a);
-    const double area = glm::length(normal);
-    node.dipole += normal;
-    node.area += area;
-    node.rim += glm::length(b - a);
-    weighted += area * (a + b + c) / 3.0;
-    for (const glm::dvec3& p : {a, b, c}) {
-      low = glm::min(low, p);
-      high = glm::max(high, p);
+    low = glm::min(low, glm::min(t->a, glm::min(t->b, t->c)));
+    high = glm::max(high, glm::max(t->a, glm::max(t->b, t->c)));
+  }
+  glm::dvec3 weighted(0);
+  if (count <= kLeafTriangles) {
+    cancellable_sort(begin, end,
+                     [](const Triangle& a, const Triangle& b) { return comes_before(a, b, 0); });
+    for (auto t = begin; t != end; ++t) {
+      const glm::dvec3 a = to_double(t->a), b = to_double(t->b), c = to_double(t->c);
+      const glm::dvec3 normal = 0.5 * glm::cross(b - a, c - a);
+      const double area = glm::length(normal);
+      node.dipole += normal;
+      node.area += area;
+      node.rim += glm::length(b - a);
+      weighted += area * (a + b + c) / 3.0;
+    }
+  } else {
+    const glm::i64vec3 size = high - low;
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    std::nth_element(begin, begin + count / 2, end, [axis](const Triangle& a, const Triangle& b) {
+      return comes_before(a, b, axis);
+    });
+    build(first, count / 2);
+    node.second = build(first + count / 2, count - count / 2);
+    for (const Node* child : {&nodes_[index + 1], &nodes_[node.second]}) {
+      node.dipole += child->dipole;
+      node.area += child->area;
+      node.rim += child->rim;
+      weighted += child->area * child->centre;
     }
   }
-  node.centre = node.area > 0 ? weighted / node.area : 0.5 * (low + high);
+  node.centre = node.area > 0 ? weighted / node.area : 0.5 * (to_double(low) + to_double(high));
+  double squared = 0;
   for (auto t = begin; t != end; ++t) {
     cancel_point();
     for (const glm::i64vec3& p : {t->a, t->b, t->c}) {
-      node.radius = std::max(node.radius, glm::length(to_double(p) - node.centre));
+      const glm::dvec3 offset = to_double(p) - node.centre;
+      squared = std::max(squared, glm::dot(offset, offset));
     }
   }
-  push_in_pieces(nodes_, node);
-  if (count <= kLeafTriangles) return index;
-  const glm::dvec3 size = high - low;
-  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-  cancellable_sort(begin, end, [axis](const Triangle& a, const Triangle& b) {
-    const int64_t middle_a = a.a[axis] + a.b[axis] + a.c[axis];
-    const int64_t middle_b = b.a[axis] + b.b[axis] + b.c[axis];
-    if (middle_a != middle_b) return middle_a < middle_b;
-    // Triangles that face the other way have the same order.
-    const auto [a_low, a_high] = std::minmax({key_of(a.b), key_of(a.c)});
-    const auto [b_low, b_high] = std::minmax({key_of(b.b), key_of(b.c)});
-    return std::tuple(key_of(a.a), a_low, a_high, key_of(a.b)) <
-           std::tuple(key_of(b.a), b_low, b_high, key_of(b.b));
-  });
-  build(first, count / 2);
-  const uint32_t second = build(first + count / 2, count - count / 2);
-  nodes_[index].second = second;
+  node.radius = std::sqrt(squared);
+  nodes_[index] = node;
   return index;
 }
 

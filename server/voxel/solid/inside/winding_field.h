@@ -68,6 +68,7 @@ class WindingField {
     double by_area = 0, by_rim = 0, far_error = 0;
   };
 
+  static bool comes_before(const Triangle& a, const Triangle& b, int axis);
   uint32_t build(uint32_t first, uint32_t count);
   Value value(const glm::i64vec3& p, double half_diagonal) const;
   // False if the cube meets the triangle, because c jumps there.
