@@ -10,8 +10,9 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kLengthMin = 3, kLengthMax = 258, kDistanceMax = 32768;
-constexpr size_t kRunMin = 4;  // shorter ones are literals
+constexpr size_t kLengthMin = 3, kLengthMax = Deflater::kRepeatBytesMax, kDistanceMax = 32768;
+constexpr size_t kLiterals = 256, kNone = kLiterals;  // kNone: a step without a literal
+constexpr size_t kRunMin = 4;                         // shorter ones are literals
 constexpr size_t kHashedBytes = 4;
 constexpr size_t kEndOfBlock = 256, kFirstLength = 257;
 constexpr int kCodeBitsMax = 15;
@@ -129,6 +130,12 @@ size_t common_length(std::span<const uint8_t> bytes, size_t a, size_t b) {
   return length;
 }
 
+// The first part of a repetition that has parts of kLengthMin to kLengthMax.
+size_t first_part(size_t length) {
+  if (length <= kLengthMax) return length;
+  return length - kLengthMax < kLengthMin ? kLengthMax - kLengthMin : kLengthMax;
+}
+
 // The lengths of the codes of literals and distances, run-length encoded (3.2.7).
 struct LengthRun {
   uint8_t symbol;  // a length; kLastAgain, kZeros3 or kZeros11
@@ -165,6 +172,12 @@ std::vector<LengthRun> run_lengths(std::span<const uint8_t> lengths) {
   return runs;
 }
 
+// The highest bit of each byte of a word that is not 0.
+uint64_t high_bits(uint64_t word) {
+  constexpr uint64_t kOthers = 0x7f7f7f7f7f7f7f7f;
+  return (((word & kOthers) + kOthers) | word) & ~kOthers;
+}
+
 size_t used_length(std::span<const uint8_t> lengths, size_t least) {
   size_t length = lengths.size();
   while (length > least && lengths[length - 1] == 0) --length;
@@ -173,6 +186,90 @@ size_t used_length(std::span<const uint8_t> lengths, size_t least) {
 
 }  // namespace
 
+void Deflater::begin_steps(size_t bytes) {
+  // Each step stands for a byte or more.
+  if (steps_.size() < bytes) steps_.resize(bytes);
+  step_count_ = 0;
+  step_lengths_.fill(0);
+}
+
+// length: 0, or kLengthMin to kLengthMax.
+void Deflater::add_step(size_t length, size_t literal) {
+  steps_[step_count_++] = {static_cast<uint16_t>(length), static_cast<uint16_t>(literal)};
+  ++step_lengths_[length];
+  ++literal_counts_[literal];
+}
+
+// Adds steps for what one alone can't hold of a repetition. Returns the rest, which one can.
+size_t Deflater::add_long_repeat(size_t length) {
+  while (length > kLengthMax) {
+    const size_t part = first_part(length);
+    add_step(part, kNone);
+    length -= part;
+  }
+  return length;
+}
+
+// repeated: bytes behind the last step that repeat; 0, or at least kLengthMin.
+void Deflater::finish_steps(size_t repeated, size_t distance) {
+  if (repeated > 0) add_step(add_long_repeat(repeated), kNone);
+  static_assert(kNone == kEndOfBlock);
+  literal_counts_[kEndOfBlock] = 1;
+  for (size_t length = kLengthMin; length <= kLengthMax; ++length) {
+    literal_counts_[kFirstLength + kLengthBuckets[length]] += step_lengths_[length];
+    distance_counts_[distance_bucket(distance)] += step_lengths_[length];
+  }
+  write(distance);
+}
+
+void Deflater::find_runs(std::span<const uint8_t> bytes) {
+  begin_steps(bytes.size());
+  size_t repeated = 0;
+  for (size_t at = 0; at < bytes.size();) {
+    const uint8_t byte = bytes[at];
+    const size_t length = run_length(bytes, at, byte);
+    at += length;
+    add_step(add_long_repeat(repeated), byte);
+    repeated = length >= kRunMin ? length - 1 : 0;
+    for (size_t i = 1; i + repeated < length; ++i) add_step(0, byte);
+  }
+  finish_steps(repeated, 1);
+}
+
+void Deflater::find_rows(std::span<const uint8_t> bytes, size_t row_bytes) {
+  VOXELD_CHECK(row_bytes > 0 && row_bytes <= kDistanceMax, "deflate: a row is too long");
+  begin_steps(bytes.size());
+  size_t done = std::min(row_bytes, bytes.size());  // bytes that steps stand for
+  for (size_t i = 0; i < done; ++i) add_step(0, bytes[i]);
+  // The bytes from `done` to `differing` repeat those above.
+  const auto add = [&](size_t differing) {
+    size_t repeated = differing - done;
+    if (repeated > 0 && repeated < kLengthMin) {
+      for (; repeated > 0; --repeated) add_step(0, bytes[differing - repeated]);
+    } else if (repeated > kLengthMax) {
+      repeated = add_long_repeat(repeated);
+    }
+    add_step(repeated, bytes[differing]);
+    done = differing + 1;
+  };
+  size_t at = done;
+  for (; at + 8 <= bytes.size(); at += 8) {
+    const uint8_t* const row = bytes.data() + at;
+    uint64_t differ = high_bits(load<uint64_t>(row) ^ load<uint64_t>(row - row_bytes));
+    for (; differ != 0; differ &= differ - 1) {
+      add(at + static_cast<size_t>(std::countr_zero(differ)) / 8);
+    }
+  }
+  for (; at < bytes.size(); ++at) {
+    if (bytes[at] != bytes[at - row_bytes]) add(at);
+  }
+  size_t repeated = bytes.size() - done;
+  if (repeated < kLengthMin) {
+    for (; repeated > 0; --repeated) add_step(0, bytes[bytes.size() - repeated]);
+  }
+  finish_steps(repeated, row_bytes);
+}
+
 void Deflater::add_literal(uint8_t byte) {
   tokens_.push_back({byte, 0});
   ++literal_counts_[byte];
@@ -180,51 +277,17 @@ void Deflater::add_literal(uint8_t byte) {
 
 // length: at least kLengthMin.
 void Deflater::add_repeat(size_t length, size_t distance) {
-  if (length <= kLengthMax) {
-    tokens_.push_back({static_cast<uint16_t>(length), static_cast<uint16_t>(distance)});
-    ++literal_counts_[kFirstLength + kLengthBuckets[length]];
-    ++distance_counts_[distance_bucket(distance)];
-    return;
-  }
-  uint32_t& distance_count = distance_counts_[distance_bucket(distance)];
   while (length > 0) {
-    size_t part = std::min(length, kLengthMax);
-    if (length > part && length - part < kLengthMin) part -= kLengthMin;
+    const size_t part = first_part(length);
     tokens_.push_back({static_cast<uint16_t>(part), static_cast<uint16_t>(distance)});
     ++literal_counts_[kFirstLength + kLengthBuckets[part]];
-    ++distance_count;
+    ++distance_counts_[distance_bucket(distance)];
     length -= part;
   }
 }
 
-void Deflater::find_runs(std::span<const uint8_t> bytes) {
-  for (size_t at = 0; at < bytes.size();) {
-    const uint8_t byte = bytes[at];
-    size_t length = run_length(bytes, at, byte);
-    at += length;
-    if (length >= kRunMin) {
-      add_literal(byte);
-      add_repeat(length - 1, 1);
-    } else {
-      for (; length > 0; --length) add_literal(byte);
-    }
-  }
-}
-
-void Deflater::find_rows(std::span<const uint8_t> bytes, size_t row_bytes) {
-  VOXELD_CHECK(row_bytes > 0 && row_bytes <= kDistanceMax, "deflate: a row is too long");
-  for (size_t at = 0; at < bytes.size();) {
-    const size_t length = at < row_bytes ? 0 : common_length(bytes, at - row_bytes, at);
-    if (length < kLengthMin) {
-      add_literal(bytes[at++]);
-    } else {
-      add_repeat(length, row_bytes);
-      at += length;
-    }
-  }
-}
-
 void Deflater::find_anywhere(std::span<const uint8_t> bytes) {
+  tokens_.clear();
   last_.fill(0);
   for (size_t at = 0; at < bytes.size();) {
     if (bytes[at] == 0) {
@@ -251,26 +314,23 @@ void Deflater::find_anywhere(std::span<const uint8_t> bytes) {
     }
     add_literal(bytes[at++]);
   }
+  literal_counts_[kEndOfBlock] = 1;
+  write(0);
 }
 
 std::span<const uint8_t> Deflater::block(std::span<const uint8_t> bytes, const Repeats& repeats) {
   VOXELD_CHECK(bytes.size() <= kBlockBytesMax, "deflate: a block is too long");
-  tokens_.clear();
   literal_counts_.fill(0);
   distance_counts_.fill(0);
-  literal_counts_[kEndOfBlock] = 1;
   switch (repeats.kind) {
     case Repeats::kRuns:
       find_runs(bytes);
-      write(1);
       break;
     case Repeats::kRows:
       find_rows(bytes, repeats.row_bytes);
-      write(repeats.row_bytes);
       break;
     case Repeats::kAnywhere:
       find_anywhere(bytes);
-      write(0);
       break;
   }
   return out_;
@@ -331,11 +391,12 @@ void Deflater::write(size_t only_distance) {
     writer.put(run.extra, run.extra_bits);
   }
 
-  // Code and extra bits in one word, and where all repetitions have the same distance, that with
-  // them: they are most of the tokens.
+  // Codes with their extra bits in one word.
   struct Code {
-    uint64_t bits;
-    int count;
+    uint64_t bits = 0;
+    int count = 0;
+
+    Code then(const Code& other) const { return {bits | other.bits << count, count + other.count}; }
   };
   const auto distance_code = [&](size_t distance) -> Code {
     const size_t bucket = distance_bucket(distance);
@@ -343,27 +404,33 @@ void Deflater::write(size_t only_distance) {
     return {distance_codes[bucket] | extra << distance_lengths[bucket],
             distance_lengths[bucket] + kDistances[bucket].extra_bits};
   };
-  const Code only = only_distance == 0 ? Code{0, 0} : distance_code(only_distance);
+  // With the only distance.
   std::array<Code, kLengthMax + 1> length_codes{};
+  const Code only = only_distance == 0 ? Code{} : distance_code(only_distance);
   for (size_t length = kLengthMin; length <= kLengthMax; ++length) {
     const size_t bucket = kLengthBuckets[length];
     const size_t symbol = kFirstLength + bucket;
     const uint64_t extra = length - kLengths[bucket].base;
-    const int count = literal_lengths[symbol] + kLengths[bucket].extra_bits;
-    length_codes[length] = {
-        literal_codes[symbol] | extra << literal_lengths[symbol] | only.bits << count,
-        count + only.count};
+    const Code code = {literal_codes[symbol] | extra << literal_lengths[symbol],
+                       literal_lengths[symbol] + kLengths[bucket].extra_bits};
+    length_codes[length] = code.then(only);
   }
-  for (const Token& token : tokens_) {
-    if (token.distance == 0) {
-      writer.put(literal_codes[token.length], literal_lengths[token.length]);
-      continue;
+  std::array<Code, kLiterals + 1> literals_or_none{};
+  for (size_t i = 0; i < kLiterals; ++i) {
+    literals_or_none[i] = {literal_codes[i], literal_lengths[i]};
+  }
+  if (only_distance != 0) {
+    for (const Step& step : std::span(steps_).first(step_count_)) {
+      const Code code = length_codes[step.length].then(literals_or_none[step.literal]);
+      writer.put(code.bits, code.count);  // at most 49 bits
     }
-    const Code& length = length_codes[token.length];
-    writer.put(length.bits, length.count);
-    if (only_distance != 0) continue;
-    const Code distance = distance_code(token.distance);
-    writer.put(distance.bits, distance.count);
+  } else {
+    for (const Token& token : tokens_) {
+      const Code code = token.distance == 0
+                            ? literals_or_none[token.length]
+                            : length_codes[token.length].then(distance_code(token.distance));
+      writer.put(code.bits, code.count);
+    }
   }
   writer.put(literal_codes[kEndOfBlock], literal_lengths[kEndOfBlock]);
   // An empty stored block begins in this byte and ends with one.

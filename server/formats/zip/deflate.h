@@ -30,6 +30,7 @@ struct Repeats {
 class Deflater {
  public:
   static constexpr size_t kBlockBytesMax = size_t{1} << 24;
+  static constexpr size_t kRepeatBytesMax = 258;  // of one repetition
 
   // Encodes one block, at most kBlockBytesMax bytes, and ends it at a byte: encoded blocks, one
   // after the other, are one stream once stream_end() follows. Blocks refer to nothing before them.
@@ -43,19 +44,33 @@ class Deflater {
   static constexpr size_t kLiteralCodes = 286, kDistanceCodes = 30;
   static constexpr int kHashBits = 14;
 
+  // `length` bytes again, from the block's only distance back, then a byte or kNone.
+  struct Step {
+    uint16_t length;
+    uint16_t literal;
+  };
   // `length` bytes again from `distance` back; distance 0: the byte `length`.
   struct Token {
     uint16_t length;
     uint16_t distance;
   };
 
-  void add_literal(uint8_t byte);
-  void add_repeat(size_t length, size_t distance);
+  void begin_steps(size_t bytes);
+  void add_step(size_t length, size_t literal);
+  size_t add_long_repeat(size_t length);
+  void finish_steps(size_t repeated, size_t distance);
   void find_runs(std::span<const uint8_t> bytes);
   void find_rows(std::span<const uint8_t> bytes, size_t row_bytes);
+  void add_literal(uint8_t byte);
+  void add_repeat(size_t length, size_t distance);
   void find_anywhere(std::span<const uint8_t> bytes);
   void write(size_t only_distance);
 
+  // Of repetitions of one distance.
+  std::vector<Step> steps_;
+  size_t step_count_ = 0;
+  std::array<uint32_t, kRepeatBytesMax + 1> step_lengths_{};
+  // Of others.
   std::vector<Token> tokens_;
   std::array<uint32_t, kLiteralCodes> literal_counts_{};
   std::array<uint32_t, kDistanceCodes> distance_counts_{};
