@@ -119,6 +119,7 @@ Status export_grid(TaskRun& run) {
   VOXELD_TRY(check_encodable(grid->grid.spec, options.output));
   VOXELD_TRY(check_channels(grid->grid.channels, options.output));
   add_meta(run, grid_facts(*grid));
+  const StageTimer stage(run, "encode");
   return write_result(run, grid->grid, options.output);
 }
 

@@ -176,9 +176,11 @@ class Observability(DaemonTest):
         state = self.daemon.get(f"/v1/jobs/{job}")
         image = self.daemon.get(
             f"/v1/grids/{status['result']['grid']}/render.png?width=32&height=32")
+        export = self.daemon.get(f"/v1/grids/{status['result']['grid']}?format=npy")
         for response, stages in ((one_shot, ("queue", "upload", "parse", "voxelize", "encode")),
                                  (state, ("queue", "parse", "voxelize", "encode")),
-                                 (image, ("queue", "render", "encode"))):
+                                 (image, ("queue", "render", "encode")),
+                                 (export, ("queue", "encode"))):
             self.assertEqual(response.status, 200, response.body[:200])
             timing = response.headers["Server-Timing"]
             for stage in stages:
