@@ -87,7 +87,9 @@ InputCost input_cost(JobInput::Form form) {
     case JobInput::Form::kGrid:
       return {2, 0};
     case JobInput::Form::kBinary:
-      return {10, 20};
+      return {10, 32};
+    case JobInput::Form::kGlb:
+      return {10, 12};
     case JobInput::Form::kText:
     case JobInput::Form::kZip:
       return {12, 8};

@@ -16,6 +16,7 @@ constexpr size_t kEntryBytes = 46, kEndBytes = 22;
 // An archive may end with a comment of 64 KiB. Directories that are longer are not read.
 constexpr int64_t kTailBytes = 65536 + kEndBytes, kDirectoryBytes = 1 << 20;
 constexpr int64_t kHeadBytes = 512;
+constexpr std::string_view kGlb = "glTF";  // glTF 2.0, 4.4.1
 
 std::vector<uint8_t> read_part(const ObjectStore& blobs, std::string_view id, int64_t offset,
                                int64_t bytes) {
@@ -68,7 +69,7 @@ std::optional<int64_t> unpacked_bytes(const ObjectStore& blobs, std::string_view
 }  // namespace
 
 std::string_view form_name(JobInput::Form form) {
-  constexpr std::array<std::string_view, 4> kNames = {"grid", "binary", "text", "zip"};
+  constexpr std::array<std::string_view, 5> kNames = {"grid", "binary", "text", "zip", "glb"};
   return kNames[static_cast<size_t>(form)];
 }
 
@@ -82,6 +83,8 @@ JobInput file_input(const ObjectStore& blobs, std::string_view id) {
     input.form = JobInput::Form::kZip;
     const auto unpacked = unpacked_bytes(blobs, id, blob->bytes);
     input.bytes = std::max(unpacked.value_or(0), blob->bytes);
+  } else if (starts_with(head, 0, kGlb)) {
+    input.form = JobInput::Form::kGlb;
   } else if (std::ranges::find(head, uint8_t{0}) == head.end()) {
     input.form = JobInput::Form::kText;
   }

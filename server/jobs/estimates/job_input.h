@@ -9,7 +9,8 @@
 namespace voxeld {
 
 struct JobInput {
-  enum class Form { kGrid, kBinary, kText, kZip };
+  // kGlb: images and animations beside the triangles. kBinary: other files that are not text.
+  enum class Form { kGrid, kBinary, kText, kZip, kGlb };
   Form form = Form::kBinary;
   int64_t bytes = 0;  // unpacked, of a zip archive
 };

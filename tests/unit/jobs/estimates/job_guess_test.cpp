@@ -31,7 +31,7 @@ TEST_F(JobInputTest, text_has_no_zeros) {
   const JobInput text = input_of("solid cube");
   EXPECT_EQ(text.form, Form::kText);
   EXPECT_EQ(text.bytes, 10);
-  EXPECT_EQ(input_of(std::string("glTF\2\0\0\0", 8)).form, Form::kBinary);
+  EXPECT_EQ(input_of(std::string("glTF\2\0\0\0", 8)).form, Form::kGlb);
   EXPECT_EQ(file_input(blobs_, "sha256-0").bytes, 0);
 }
 
