@@ -81,6 +81,9 @@ class Runner:
                 elif why:
                     failures.append((number, why))
                     print(f"FAILED {name_of(fault_class, code)} number {number}: {why}", flush=True)
+        if not fired:  # the library is not in use, or does not know the class
+            failures.append((0, "no fault"))
+            print(f"FAILED {name_of(fault_class, code)}: none of {calls} calls was made to fail", flush=True)
         print(f"{name_of(fault_class, code):16} {calls:7} calls, {fired:7} made to fail, "
               f"{len(failures)} failures, {in_json} in json's destructor, {time.monotonic() - start:.0f} s", flush=True)
         return fired, len(failures)

@@ -152,6 +152,12 @@ class Client(threading.Thread):
             self.history.deleted.add(asset)
 
     def run(self):
+        try:
+            self.work()
+        except Exception as failure:  # of a thread, which would end it without a word
+            self.history.problem(f"client {self.number}: {failure!r}")
+
+    def work(self):
         while not self.arena.ended.is_set():
             chance = self.random.random()
             if not self.mine or chance < 0.2:
@@ -212,6 +218,8 @@ class Arena:
         self.ended.set()
         for client in self.clients:
             client.join(120)
+            if client.is_alive():
+                self.history.problem(f"client {client.number} hangs")
         self.settle()
         self.check()
         self.daemon.stop()
@@ -232,6 +240,8 @@ class Arena:
 
     def check(self):
         history = self.history
+        if not history.jobs or not history.assets:
+            history.problem("nothing was acknowledged")
         unacknowledged = len(history.requests) - len(history.jobs)
         # A cancel that came after the end of its job removed the record.
         for key in history.cancelled & set(history.jobs):
@@ -249,8 +259,8 @@ class Arena:
             history.problem(f"{total} jobs, {len(history.jobs)} acknowledged, {unacknowledged} not")
         for key, job in history.jobs.items():  # a key still means its job
             response = self.daemon.post("/v1/jobs", history.requests[key], headers={"Idempotency-Key": key})
-            if response.status in (200, 202) and response.json()["id"] != job:
-                history.problem(f"doubled: {key} gave {job}, then {response.json()['id']}")
+            if response.status not in (200, 202) or response.json()["id"] != job:
+                history.problem(f"doubled: {key} gave {job}, then {response.status} {response.body[:200]!r}")
         for asset in history.assets:
             expected = (200, 410) if asset in history.unsure_assets else (200,)
             if self.daemon.get("/v1/assets/" + asset).status not in expected:
@@ -276,7 +286,7 @@ class Arena:
         crashed = status["state"] == "failed" and status["error"]["code"] == "worker-crashed"
         if status["state"] not in allowed and not crashed:
             history.problem(f"job {job} of {key} ended as {status['state']}: {status.get('error')}")
-        self.check_events(job)
+        self.check_events(job, status["state"])
         if status["state"] != "done":
             return
         result = self.daemon.get(f"/v1/jobs/{job}/result")
@@ -293,7 +303,7 @@ class Arena:
 
     contents = {}
 
-    def check_events(self, job):
+    def check_events(self, job, end):
         import sqlite3
         with sqlite3.connect(f"file:{self.directory}/jobs.sqlite?mode=ro", uri=True) as database:
             rows = database.execute("SELECT id, json_extract(data_json, '$.state') FROM job_events"
@@ -303,6 +313,8 @@ class Arena:
             if following not in LEGAL.get(state, set()):
                 self.history.problem(f"job {job}: {following} after {state} in {rows}")
             state = following
+        if state != end:
+            self.history.problem(f"job {job}: {end}, but {state} in the last of {rows}")
 
     def check_store(self):
         done = subprocess.run([BIN / "voxeld", "doctor", "--store", "--json", "--data", self.directory],

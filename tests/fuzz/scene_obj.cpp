@@ -31,8 +31,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const uint8_t* mark = std::find(data, end, uint8_t{0});
   const OneFileBundle bundle({mark == end ? mark : mark + 1, end});
   const auto scene = voxeld::load_obj("fuzz.obj", {data, mark}, bundle, {.decode_images = false});
-  if (scene) {
-    for (const auto& part : scene->parts) voxeld::fuzz::check_part(*scene, part);
+  if (!scene) {
+    VOXELD_CHECK(!scene.error().detail.empty(), "an error says what");
+    VOXELD_CHECK(scene.error().code != voxeld::ErrorCode::kInternal,
+                 "input is never an internal error");
+    return 0;
   }
+  for (const auto& part : scene->parts) voxeld::fuzz::check_part(*scene, part);
   return 0;
 }

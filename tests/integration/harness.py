@@ -26,6 +26,8 @@ DATA = os.environ.get("VOXELD_DATA_DIR")
 START_SECONDS = 60
 # Time that ends a test which hangs. No test fails because a machine is slow, up to this.
 HANG_SECONDS = 120
+# How a daemon may end: by itself, or by a signal of a test or of its own watch. Any other end is a crash.
+EXIT_STATUSES = (0, -signal.SIGTERM, -signal.SIGINT, -signal.SIGKILL, -signal.SIGALRM)
 PIPELINES = ("raster", "compute", "cpu")
 # The pipelines of each device that needs no hardware.
 DEVICES = {"llvmpipe": PIPELINES, "lavapipe": PIPELINES, "osmesa": PIPELINES, "cpu": ("cpu",)}
@@ -258,9 +260,12 @@ class Daemon:
                 raise AssertionError("daemon did not stop on SIGTERM\n" + self.log_tail())
         self.process.stdout.close()
         self.log.close()
+        status = self.process.returncode
+        said = "" if status in EXIT_STATUSES else self.log_tail()
         if self.own_data:
             shutil.rmtree(self.data_dir, ignore_errors=True)
             os.unlink(self.data_dir.rstrip("/") + ".log")
+        assert status in EXIT_STATUSES, f"the daemon ended with {status}\n{said}"
 
 
 @contextlib.contextmanager

@@ -102,6 +102,7 @@ class Animation(DaemonTest):
                 kind="voxelize", asset=asset, options={"animation": name, "size": 32}))
             self.assertEqual(failed["state"], "failed", failed)
             self.assertEqual(failed["error"]["code"], "malformed-mesh")
+            self.assertTrue(failed["error"]["detail"], failed)
             self.assertIn(failed["error"]["detail"], reasons[name])
 
     def test_an_animation_alone_is_to_be_bundled_with_its_mesh(self):
@@ -126,7 +127,10 @@ class Animation(DaemonTest):
     def test_a_frame_is_a_request_for_its_time_in_the_same_box(self):
         box = dict(size=32, bounds="-6,-6,-6,6,8,8")
         job, _ = self.voxelize(self.worm, animation="wave", **box)
-        for frame in self.frames(job)["frames"]:
+        frames = self.frames(job)["frames"]
+        self.assertEqual(len(frames), 4)
+        self.assertGreater(len({frame["content_hash"] for frame in frames}), 2)
+        for frame in frames:
             _, still = self.voxelize(self.worm, animation="wave", time=frame["time_s"], **box)
             self.assertEqual(still["result"]["meta"]["content_hash"], frame["content_hash"])
 

@@ -14,7 +14,7 @@ class Assets(DaemonTest):
         self.assertEqual(first.json()["id"], second.json()["id"])
         self.assertEqual(first.headers["Location"], "/v1/assets/" + first.json()["id"])
 
-    def test_description_of_a_closed_sample(self):
+    def test_description_of_a_sample(self):
         asset = self.daemon.upload(self.fixtures / "sample.obj.zip")
         description = self.daemon.get(f"/v1/assets/{asset}").json()
         self.assertGreater(description["triangles"], 100)
@@ -66,6 +66,8 @@ class Assets(DaemonTest):
             response = self.daemon.request("POST", "/v1/voxelize?size=8", body=obj,
                                          headers={"Content-Type": media_type})
             self.assertEqual(response.status, status, media_type)
+            if status == 422:
+                self.assertEqual(response.json()["code"], "malformed-mesh")
 
     def test_descriptions_of_the_same_bytes_are_those_of_each_name(self):
         obj = b"# descriptions\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

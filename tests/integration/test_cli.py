@@ -124,10 +124,13 @@ class Cli(DaemonTest):
         self.assertEqual(names, ["wave"])
 
     def test_names_of_outputs_that_do_not_fit_are_a_mistake(self):
-        for arguments in (("a.ply", "-o", "a.voxs"), ("a.zip", "--animation", 0, "-o", "a.voxg"),
-                          ("render", "--sequence", "x", "--grid", "y"),
-                          ("a.ply", "--frames", "3..1", "-o", "a.vox")):
-            self.assertEqual(self.voxel(*arguments).returncode, 2, arguments)
+        for arguments, text in ((("a.ply", "-o", "a.voxs"), b"a .voxs holds an animation's frames"),
+                                (("a.zip", "--animation", 0, "-o", "a.voxg"), b"frames go to a .voxs, not a .voxg"),
+                                (("render", "--sequence", "x", "--grid", "y"), b"one of a mesh file"),
+                                (("a.ply", "--frames", "3..1", "-o", "a.vox"), b"FIRST..LAST")):
+            done = self.voxel(*arguments)
+            self.assertEqual(done.returncode, 2, arguments)
+            self.assertIn(text, done.stderr, arguments)
 
     def test_info_jobs_and_json(self):
         done = self.voxel(self.fixtures / "sample.ply", "-o", self.dir / "a.voxg", "--size", 32, "--json")
@@ -138,7 +141,7 @@ class Cli(DaemonTest):
         self.assertEqual(self.voxel("info", self.fixtures / "sample.glb").returncode, 0)
         jobs = self.voxel("jobs", "--json")
         self.assertEqual(jobs.returncode, 0, jobs.stderr)
-        self.assertTrue(json.loads(jobs.stdout))
+        self.assertTrue(json.loads(jobs.stdout)["jobs"])
 
     def test_exit_codes(self):
         sample = self.fixtures / "sample.ply"

@@ -3,6 +3,7 @@ import json
 import os
 import pathlib
 import pty
+import re
 import shutil
 import signal
 import subprocess
@@ -166,13 +167,19 @@ class CliFiles(DaemonTest):
             shutil.copy(self.fixtures / "sample.ply", mesh)
         out = self.dir / "out"
         slow = ["--size", "16384", "--channels", "occupancy,normal", "--cache", "no"]
+
+        def states():
+            """The state of each job, by its id."""
+            listed = json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"]
+            return {job["id"]: job["state"] for job in listed}
+
+        def jobs(*wanted):
+            return [job for job, state in states().items() if state in wanted]
+        before = states()
         process = subprocess.Popen([BIN / "voxel", *meshes, "--out-dir", out, *slow],
                                    env=self.environment, stdin=subprocess.DEVNULL,
                                    stderr=subprocess.PIPE, text=True)
         try:
-            def jobs(*states):
-                listed = json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"]
-                return [job["id"] for job in listed if job["state"] in states]
             deadline = time.monotonic() + 60
             while not jobs("running"):
                 self.assertLess(time.monotonic(), deadline)
@@ -188,6 +195,7 @@ class CliFiles(DaemonTest):
         while left := jobs("running", "queued"):
             self.assertLess(time.monotonic(), deadline, left)
             time.sleep(0.05)
+        self.assertEqual({state for job, state in states().items() if job not in before}, {"cancelled"})
 
     def test_a_dry_run_makes_nothing(self):
         before = len(json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"])
@@ -343,11 +351,14 @@ class CliFiles(DaemonTest):
         page = self.voxel("generate", "man").stdout
         bash = self.voxel("generate", "bash").stdout
         zsh = self.voxel("generate", "zsh").stdout
-        for name in ("render", "jobs", "share", "whoami", "generate"):
+        for name in ("render", "info", "formats", "jobs", "top", "share", "ls", "rm", "whoami", "generate"):
             self.assertIn(f".SS voxel {name}", page)
             self.assertIn(f"    {name})", bash)
             self.assertIn(f"    {name}) _arguments", zsh)
-        for flag in ("--out-dir", "--azimuth", "--level-rule", "--no-local"):
+        shown = self.voxel("--help").stdout + self.voxel("render", "--help").stdout
+        flags = set(re.findall(r"^ +(?:-\w, *)?(--[a-z][a-z-]*)", shown, re.M))
+        self.assertLessEqual({"--out-dir", "--azimuth", "--level-rule", "--no-local"}, flags)
+        for flag in flags:
             self.assertIn(flag.replace("-", "\\-"), page)
             self.assertIn(flag, bash)
             self.assertIn(f"'{flag}[", zsh)

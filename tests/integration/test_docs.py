@@ -212,6 +212,7 @@ class PagesTest(unittest.TestCase):
 
     def run_page(self, page):
         blocks = blocks_of(page.relative_to(ROOT), page.read_text())
+        self.assertTrue(blocks, f"{page} has no command")
         to_run = [block for block in blocks if not block.skip]
         for block in blocks:
             if block.skip:

@@ -135,6 +135,7 @@ class Drain(DrainTest):
                 daemon, job, path = self.start(*DRAIN_FOREVER)
                 download = self.slow_download(daemon, path)
                 workers = daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
+                self.assertTrue(workers)
                 daemon.process.send_signal(signal.SIGTERM)
                 self.wait_draining(daemon)
                 self.assertEqual(daemon.get(f"/v1/jobs/{job}").status, 200, "it waits for the download")

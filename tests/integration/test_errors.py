@@ -134,7 +134,7 @@ class Errors(DaemonTest):
         with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("bomb.obj", b"\0" * 50_000_000)
         self.provoke(self.voxelize("size=16&filename=a.zip", buffer.getvalue()), 422,
-                     "malformed-bundle")
+                     "malformed-bundle", "200 times")
 
     def test_unknown_paths_and_ids_are_not_found(self):
         self.provoke(self.daemon.get("/v1/nothing"), 404, "not-found")
@@ -185,15 +185,16 @@ class Errors(DaemonTest):
                         b"Transfer-Encoding: chunked\r\n\r\n")
             chunk = b"100000\r\n" + b"x" * 0x100000 + b"\r\n"
             response = b""
+            # The connection may end before the response was read. A daemon that waits for more lets time run out.
             try:
                 for _ in range(40):
                     raw.sendall(chunk)
-            except OSError:
+            except ConnectionError:
                 pass
             try:
                 while part := raw.recv(65536):
                     response += part
-            except OSError:
+            except ConnectionError:
                 pass
             if response:
                 self.assertIn(b" 413 ", response.split(b"\r\n")[0])
@@ -247,7 +248,7 @@ class Errors(DaemonTest):
             with self.subTest(body[:30]):
                 response = self.daemon.request("POST", "/v1/jobs", body=body,
                                                headers={"Content-Type": "application/json"})
-                self.assertEqual(response.status // 100, 4)
+                self.assertEqual(response.status, 400)
                 problem = response.json()
                 PROVOKED.add(problem["code"])
                 self.assertIn(part, json.dumps(problem))
@@ -265,7 +266,7 @@ class Errors(DaemonTest):
                                                          (ROOT / "proto/error_code.h").read_text())}
         for path, operations in self.daemon.openapi.spec["paths"].items():
             for method, operation in operations.items():
-                if method not in ("get", "post", "delete"):
+                if method == "parameters":
                     continue
                 named = set(operation["responses"])
                 self.assertFalse({s for s in named if not s.isdigit()}, (method, path))

@@ -253,6 +253,7 @@ class Fills(DaemonTest):
                 self.assertEqual(response.status, 200, response.body)
                 hashes.add(response.headers["X-Voxeld-Content-Hash"])
             self.assertEqual(len(hashes), 1, fill)
+            self.assertNotIn(None, hashes)
 
     def test_a_surface_has_no_report_of_a_fill(self):
         _, meta = self.voxelize(off_file(FACES), "size=20")

@@ -159,6 +159,7 @@ class Formats(DaemonTest):
                 self.assertTrue(detail.startswith(f"{name}: ") or f", named by {name}, " in detail, detail)
             self.assertNotIn(name.encode(), response.body)
         self.assertEqual(len(grids), 1)
+        self.assertNotIn(None, grids)
 
     def test_the_documented_reader_gives_the_same_grid_as_npz(self):
         import read_grid
@@ -202,6 +203,7 @@ class Formats(DaemonTest):
         refused = self.daemon.post("/v1/voxelize?size=9&fill=shell&channels=coverage"
                                    "&filename=sample.glb", self.fixture("sample.glb"))
         self.assertEqual(refused.status, 400, refused.body)
+        self.assertIn(b"fill surface or solid with coverage", refused.body)
         small = self.voxelize(query + "&format=native&codec=small")
         self.assertEqual(small.body[104:111], bytes([1, 0, 0, 1, 0, 0, 1]))
         self.assertLess(len(small.body), len(native))

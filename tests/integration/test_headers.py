@@ -80,7 +80,9 @@ class Headers(DaemonTest):
         asset = self.daemon.upload(self.fixtures / "sample.ply")
         job = self.daemon.submit(kind="voxelize", asset=asset, options={"size": 8, "pipeline": "raster"})
         self.assertEqual(self.daemon.wait(job)["state"], "failed")
-        self.assertIsNone(self.daemon.get(f"/v1/jobs/{job}/result").headers["Retry-After"])
+        refused = self.daemon.get(f"/v1/jobs/{job}/result")
+        self.assert_problem(refused, 422, "unsupported-feature")
+        self.assertIsNone(refused.headers["Retry-After"])
 
 
 if __name__ == "__main__":

@@ -59,6 +59,7 @@ class Page(DaemonTest):
         text = (ROOT / "client/web/app/formats.ts").read_text()
         table = text[text.index("const groups"):text.index("const options")]
         page = re.findall(r'"(\w+) (?:([.\w]+):)?[^"]+"', table)
+        self.assertGreater(len(listed), 20)
         self.assertEqual(sorted(listed), sorted((name, "." + (extension or name)) for name, extension in page))
 
 

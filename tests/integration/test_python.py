@@ -683,6 +683,7 @@ class Async(AsyncTest):
         self.assertTrue((self.dir / "a.vox").read_bytes().startswith(b"VOX "))
         self.assertEqual((png_size(image), image), ((16, 16), other))
         self.assertGreater(info["triangles"], 0)
+        self.assertGreater(len(frames), 3)
         self.assertEqual([frame.index for frame in frames], list(range(len(frames))))
         self.assertTrue(all("_decoded" in frame.__dict__ for frame in frames))
 

@@ -42,8 +42,8 @@ class Service(unittest.TestCase):
         gateway = status_of(daemon.process.pid)
         self.assertEqual(gateway["Seccomp"], SECCOMP_FILTER)
         self.assertEqual((int(gateway["CapEff"], 16), int(gateway["CapBnd"], 16)), (0, 0))
-        for worker in daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]:
-            self.assertEqual(worker["sandbox"], "full")
+        workers = daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
+        self.assertEqual({worker["sandbox"] for worker in workers}, {"full"})
         status = daemon.wait(daemon.submit(kind="voxelize", asset=daemon.upload(mesh),
                                            options={"size": 40}))
         self.assertEqual(status["state"], "done", status)

@@ -53,7 +53,7 @@ class Limits(Storage):
         self.assertIn("submit the job again", problem["detail"])
         self.assertEqual(daemon.get(f"/v1/jobs/{jobs[0]}").status, 200)
         self.assertEqual(daemon.get(f"/v1/jobs/{jobs[-1]}/result").status, 200)
-        wait_until(lambda: self.metric(daemon, "voxeld_store_bytes") <= 900 << 10, "the store is within its limit")
+        wait_until(lambda: 0 < self.metric(daemon, "voxeld_store_bytes") <= 900 << 10, "the store is within its limit")
         self.assertEqual(daemon.get(f"/v1/jobs/{self.voxelize(daemon, 40)}/result").status, 200)
 
     def test_assets_alone_over_the_limit_refuse_uploads_until_one_is_deleted(self):

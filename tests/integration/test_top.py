@@ -130,6 +130,7 @@ class Top(DaemonTest):
         done = subprocess.run([BIN / "voxel", "top", "--once", "--url", "http://127.0.0.1:1"],
                               capture_output=True, text=True)
         self.assertEqual(done.returncode, 5, done.stderr)
+        self.assertIn("http://127.0.0.1:1", done.stderr)
 
 
 if __name__ == "__main__":

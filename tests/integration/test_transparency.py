@@ -87,6 +87,7 @@ class Transparency(DaemonTest):
         self.assertEqual(lines, {"": 32, "&alpha=keep": 64})
         qb = {options: self.daemon.get(f"/v1/grids/{grid}?format=qb{options}").body
               for options in ("", "&alpha=cut", "&alpha=keep")}
+        self.assertEqual(qb[""], qb["&alpha=cut"])
         self.assertNotEqual(qb[""], qb["&alpha=keep"])
 
     def test_images_show_what_is_not_transparent(self):

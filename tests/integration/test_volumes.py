@@ -264,6 +264,7 @@ class Volumes(DaemonTest):
     def test_a_region_of_a_frame_is_described_by_its_meta(self):
         response = self.voxelize("animation=walk&size=24&format=nrrd&region=0,0,0,8,9,10", "worm.md5.zip")
         archive = zipfile.ZipFile(io.BytesIO(response.body))
+        self.assertEqual(len(archive.namelist()), 6)
         for name in archive.namelist():
             text = archive.read(name).split(b"\n\n")[0].decode()
             self.assertIn("\nsizes: 8 9 10\n", text)

@@ -56,12 +56,14 @@ export class Daemon {
   async stop(signal = "SIGTERM") {
     const ended = new Promise(resolve => this.process.on("exit", resolve));
     this.process.kill(signal);
-    await ended;
+    return await ended;
   }
 
   async end() {
-    if (this.process.exitCode === null && this.process.signalCode === null) await this.stop();
+    const isUp = this.process.exitCode === null && this.process.signalCode === null;
+    const code = isUp ? await this.stop() : 0;
     rmSync(this.data, { recursive: true, force: true });
+    if (code !== 0) throw new Error(`the daemon ended with ${code}`);
   }
 
   keys(...args) {

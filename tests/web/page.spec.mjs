@@ -418,6 +418,7 @@ test("of two meshes dropped at once the later one is loaded", async ({ page }) =
   await expect(page.locator("#card-model h2")).toHaveText("second");
   await expect(page.locator("#card-model")).toContainText("OFF");
   await shown(page, 32);
+  expect(sent.filter(body => body.includes("second.off"))).not.toEqual([]);
   expect(sent.filter(body => body.includes("first.obj"))).toEqual([]);
 });
 
@@ -627,23 +628,23 @@ test("delete removes the mesh and its results", async ({ page }) => {
   await shown(page, 256);
   const { assets } = await daemon.json("/v1/assets");
   const asset = assets.find(one => one.filename === "concave.obj");
+  const results = async () => (await daemon.json("/v1/results")).results.map(one => one.filename);
+  expect(await results()).toContain("concave.voxg");
   await page.click("#delete");
   await told(page, "concave and its results are deleted");
   await expect(page.locator("#start")).toBeVisible();
   expect((await fetch(`${daemon.url}/v1/assets/${asset.id}?brief=1`)).status).toBe(410);
-  expect((await daemon.json("/v1/results")).results.map(one => one.filename)).not.toContain(
-    "concave.voxg",
-  );
+  expect(await results()).not.toContain("concave.voxg");
 });
 
 test("an error says what was expected and what came", async ({ page }) => {
   await page.goto(daemon.url);
-  await drop(
-    page,
-    join(fixtures, "bad", JSON.parse(readFileSync(join(fixtures, "bad/list.json")))[0].file),
-  );
+  const [bad] = JSON.parse(readFileSync(join(fixtures, "bad/list.json")));
+  await drop(page, join(fixtures, "bad", bad.file));
   const banner = page.locator("#banner");
   await expect(banner).toBeVisible();
+  await expect(banner).toContainText(bad.message);
+  await expect(banner).toContainText(/expected .+got .+/);
   await expect(banner).toHaveAttribute("role", "alert");
   await banner.getByRole("button").click();
   await expect(banner).toBeHidden();

@@ -3,6 +3,7 @@ import { defineConfig } from "@playwright/test";
 
 export default defineConfig({
   testMatch: "*.spec.mjs",
+  forbidOnly: true, // a test.only that is left over would end the others unseen
   workers: 1, // one browser, with a context for each test
   // These only end a test that hangs, however busy the machine is.
   timeout: 300_000,

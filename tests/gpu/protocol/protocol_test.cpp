@@ -18,6 +18,7 @@ namespace voxeld::pipelines {
 namespace {
 
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 constexpr int64_t kPointsMax = 12;  // of one kind, spread over a job
 
@@ -131,6 +132,7 @@ TEST_P(Protocol, a_device_without_memory_at_any_point_fails_one_job_only) {
 TEST_P(Protocol, a_job_that_is_cancelled_at_any_dispatch_leaves_nothing_active) {
   const gpu::CallCounts counts = warm_up();
   ASSERT_GT(counts.dispatches, 0);
+  int cancelled = 0;
   at_points(counts.dispatches, [&](int64_t point) {
     std::atomic<bool> is_cancelled = false;
     context_.cancel_at_dispatch(point, is_cancelled);
@@ -139,11 +141,14 @@ TEST_P(Protocol, a_job_that_is_cancelled_at_any_dispatch_leaves_nothing_active) 
       const auto grid = run([&](int64_t, int64_t) { return !is_cancelled.load(); });
       // Nothing asks any more after the last dispatches.
       EXPECT_TRUE(grid.ok() || grid.error().code == ErrorCode::kCancelled);
+      cancelled += grid.ok() ? 0 : 1;
     } catch (const Cancelled&) {
+      ++cancelled;
     }
     EXPECT_TRUE(is_cancelled.load());
     expect_clean("cancelled at dispatch " + std::to_string(point));
   });
+  EXPECT_GT(cancelled, 0);
 }
 
 TEST_P(Protocol, a_job_that_is_cancelled_at_any_progress_leaves_nothing_active) {
@@ -162,6 +167,7 @@ TEST_P(Protocol, a_job_that_is_cancelled_at_any_progress_leaves_nothing_active) 
 
 TEST_P(Protocol, every_object_is_deleted_in_the_end) {
   warm_up();
+  EXPECT_THAT(context_.existing(), Not(IsEmpty()));
   voxelizer_.reset();
   shaders_.reset();
   EXPECT_THAT(context_.existing(), IsEmpty());
@@ -175,6 +181,7 @@ INSTANTIATE_TEST_SUITE_P(Pipelines, Protocol, ::testing::ValuesIn(cases()),
 TEST_P(Protocol, a_job_of_auto_goes_on_on_the_cpu) {
   const gpu::CallCounts counts = warm_up();
   if (GetParam().pipeline == PipelineChoice::kRaster) return;  // auto takes compute on hardware
+  ASSERT_GT(counts.error_checks, 0);
   options_.pipeline = PipelineChoice::kAuto;
   at_points(counts.error_checks, [&](int64_t point) {
     context_.fail_check(point);

@@ -149,10 +149,12 @@ TEST(Batches, a_cancelled_job_leaves_no_carries) {
             scene, options, [&](int64_t, int64_t) { return seen++ != call; }, nullptr);
         return grid.ok();
       };
-      for (int call = 0; call < 200 && !ends_before(call); ++call) {
+      int call = 0;
+      for (; call < 200 && !ends_before(call); ++call) {
         const Grid grid = voxelize_on(one, scene, options, pipeline);
         EXPECT_TRUE(grid.tiles == expected.tiles) << batches << " cancelled at call " << call;
       }
+      EXPECT_GT(call, 0) << "never cancelled";
     }
   }
 }

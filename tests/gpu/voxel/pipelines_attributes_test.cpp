@@ -86,7 +86,9 @@ TEST(Attributes, the_base_colour_is_exact_to_the_last_bit) {
   scene.materials.emplace_back();
   // sRGB 200, 100, 50.
   scene.materials[0].base_color = {0.5775804f, 0.1274377f, 0.0318960f, 0.5f};
-  for (const auto& [cell, voxel] : cells_of(voxelize_all(scene, unit_cells({8, 8, 8})))) {
+  const Cells cells = cells_of(voxelize_all(scene, unit_cells({8, 8, 8})));
+  ASSERT_FALSE(cells.empty());
+  for (const auto& [cell, voxel] : cells) {
     EXPECT_EQ(voxel.color, (Color{200, 100, 50, 128}));
   }
 }
@@ -191,7 +193,9 @@ TEST(Attributes, texture_factor_and_vertex_colour_multiply) {
   Scene scene = textured_square(8, image_of(2, 2, gray));
   scene.materials[0].base_color = {1.0f, 0.5f, 0.5f, 1.0f};
   scene.parts[0].colors.assign(4, glm::vec4(1.0f, 1.0f, 0.5f, 1.0f));
-  for (const auto& [cell, voxel] : cells_of(voxelize_all(scene, unit_cells({8, 8, 1})))) {
+  const Cells cells = cells_of(voxelize_all(scene, unit_cells({8, 8, 1})));
+  ASSERT_EQ(cells.size(), 64u);
+  for (const auto& [cell, voxel] : cells) {
     EXPECT_NEAR(voxel.color[0], 188, 1);  // 1/2
     EXPECT_NEAR(voxel.color[1], 188, 1);  // 1/2
     EXPECT_NEAR(voxel.color[2], 99, 1);   // 1/8

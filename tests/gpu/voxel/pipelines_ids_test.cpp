@@ -52,6 +52,7 @@ TEST(Ids, beside_all_other_channels_and_over_tiles_are_the_same_by_each_pipeline
   options.placement.size = 60;
   for (const SparseTile& tile : voxelize_all(scene, options).tiles) {
     EXPECT_EQ(tile.material, tile.label);
+    EXPECT_FALSE(tile.label.empty());
   }
 }
 
@@ -60,7 +61,11 @@ TEST(Ids, solids_have_the_same_ids_by_each_pipeline) {
   options.fill = Fill::kSolid;
   options.interior = Interior::kNearest;
   const Grid grid = voxelize_all(test::gored_balls(), options);
-  for (const SparseTile& tile : grid.tiles) EXPECT_EQ(std::ranges::count(tile.label, 0), 0);
+  ASSERT_FALSE(grid.tiles.empty());
+  for (const SparseTile& tile : grid.tiles) {
+    EXPECT_FALSE(tile.label.empty());
+    EXPECT_EQ(std::ranges::count(tile.label, 0), 0);
+  }
 }
 
 }  // namespace

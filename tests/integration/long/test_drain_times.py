@@ -70,6 +70,7 @@ class Stuck(unittest.TestCase):
         self.assertEqual(status, 0, log)
         for text in told:
             self.assertIn(text, log)
+        self.assertIn(" stopping ", log)
         self.assertNotIn("worker started", log.partition(" stopping ")[2])
         for pid in workers:
             assert_no_process(pid)

@@ -19,6 +19,8 @@ class SiegeTest(unittest.TestCase):
                 self.assertGreater(facts["ms"][what]["count"], 0, what)
             # Each attack did something, or this test shows nothing.
             self.assertEqual(set(facts["hostile"]), {attack.__name__ for attack in Siege.ATTACKS})
+            mistakes = {"AssertionError", "KeyError", "JSONDecodeError"}  # of the attack itself
+            self.assertEqual([attack for attack, seen in facts["hostile"].items() if set(seen) <= mistakes], [])
             self.assertLess(facts["gateway_most_kb"], GATEWAY_KB_MAX)
 
 

@@ -60,6 +60,7 @@ Samples parse(const std::string& text) {
       EXPECT_TRUE(types.emplace(match[1], match[2]).second) << "second TYPE: " << line;
       current = match[1];
     } else if (std::regex_match(line, match, sample)) {
+      EXPECT_FALSE(current.empty()) << "before any TYPE: " << line;
       EXPECT_EQ(family_of(match[1], types), current) << "outside its family: " << line;
       char* end = nullptr;
       const std::string number = match[3];

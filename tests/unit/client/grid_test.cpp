@@ -162,6 +162,7 @@ TEST(Grid, for_each_goes_in_morton_order_within_a_tile) {
     EXPECT_GT(code, last);
     last = code;
   });
+  EXPECT_GE(last, 0) << "no voxels";
 }
 
 TEST(Grid, occupied_and_color_return_every_cell_as_written) {

@@ -153,6 +153,7 @@ TEST(Tiles, the_callback_and_a_stop_end_it_and_the_job_goes_on) {
   ScriptedServer server({tiles_response(5, "1"), none_yet});
   Client client(server.url());
   client.tiles("j-1", [](const Grid&) { return false; });
+  EXPECT_THAT(server.asked(), SizeIs(1));
   std::stop_source stop;
   stop.request_stop();
   const TilesCallback take = [](const Grid&) { return true; };

@@ -234,6 +234,9 @@ std::string renewed(const std::string& header) {
 
 TEST(OptionsHeader, has_every_option_of_the_table) {
   const std::string header = read_header();
+  for (const char* part : {"\n// options: words\n", "\n  // options: setters\n"}) {
+    EXPECT_NE(header.find(part), std::string::npos) << "no part " << part;
+  }
   const std::string expected = renewed(header);
   if (header == expected) return;
   if (std::getenv("VOXELD_RENEW") != nullptr) {

@@ -162,6 +162,7 @@ TEST(PaletteEntries, a_palette_with_the_voxels_own_colours_keeps_them_with_dithe
   grid = test::grid_of({20, 10, 4}, voxels, true, false);
   for (const Dither dither : {Dither::kNone, Dither::kBayer, Dither::kError}) {
     const VoxelEntries entries = choose_entries(grid, colors, dither, own_color);
+    ASSERT_EQ(entries.tiles[0].size(), colors.size());
     for (size_t v = 0; v < entries.tiles[0].size(); ++v) {
       EXPECT_EQ(colors[entries.tiles[0][v]], rgb_of(own_color(grid.tiles[0], v)));
     }

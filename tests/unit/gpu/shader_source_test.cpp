@@ -6,6 +6,7 @@
 
 #include <map>
 
+#include "server/base/sha256.h"
 #include "shaders/embedded.h"
 
 namespace voxeld::gpu {
@@ -113,10 +114,11 @@ TEST(NameFilesInLog, every_compiler_form_is_mapped_and_other_lines_stay) {
 
 TEST(EmbeddedShaders, are_sorted_and_found_by_name) {
   std::string_view before;
+  ASSERT_FALSE(shaders::embedded_shaders().empty());
   for (const shaders::EmbeddedShader& shader : shaders::embedded_shaders()) {
     EXPECT_LT(before, shader.name);
     before = shader.name;
-    EXPECT_EQ(shader.sha256.size(), 64u);
+    EXPECT_EQ("sha256-" + std::string(shader.sha256), sha256_id(shader.text));
     const auto text = read_embedded_shader(shader.name);
     ASSERT_TRUE(text.ok());
     EXPECT_EQ(*text, shader.text);

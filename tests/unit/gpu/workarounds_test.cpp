@@ -14,6 +14,7 @@ namespace {
 TEST(Workarounds, are_listed_in_the_order_of_the_enum_with_distinct_names) {
   std::set<std::string_view> names;
   int index = 0;
+  ASSERT_FALSE(all_workarounds().empty());
   for (const WorkaroundInfo& info : all_workarounds()) {
     EXPECT_EQ(static_cast<int>(info.workaround), index++);
     EXPECT_TRUE(names.insert(info.name).second) << info.name;

@@ -101,9 +101,16 @@ TEST_P(ContentCodings, a_bomb_is_refused_by_its_ratio) {
 }
 
 TEST(ContentCodingZstd, a_window_over_the_limit_is_refused) {
-  // A frame (RFC 8878 section 3.1.1): magic, no flags, a window of 2^27, an empty last raw block.
-  const std::string frame("\x28\xb5\x2f\xfd\x00\x88\x01\x00\x00", 9);
-  const auto out = decoded(ContentCoding::kZstd, frame, 100);
+  // A frame (RFC 8878 section 3.1.1): magic, no flags, a window, an empty last raw block.
+  const auto with_window = [](char window) {
+    const std::string frame =
+        std::string("\x28\xb5\x2f\xfd\x00", 5) + window + std::string("\x01\x00\x00", 3);
+    return decoded(ContentCoding::kZstd, frame, 100);
+  };
+  const auto fits = with_window('\x68');  // 2^23
+  ASSERT_TRUE(fits) << fits.error().message();
+  EXPECT_EQ(*fits, "");
+  const auto out = with_window('\x88');  // 2^27
   ASSERT_FALSE(out);
   EXPECT_EQ(out.error().code, ErrorCode::kBadRequest);
 }

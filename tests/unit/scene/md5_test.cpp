@@ -315,6 +315,7 @@ TEST(Md5Scene, stands_up_and_faces_outwards) {
   EXPECT_EQ(part.indices, (std::vector<uint32_t>{0, 2, 1}));
   const glm::dvec3 face =
       glm::cross(part.positions[2] - part.positions[0], part.positions[1] - part.positions[0]);
+  ASSERT_EQ(part.normals.size(), part.positions.size());
   for (const glm::vec3& normal : part.normals) {
     EXPECT_NEAR(glm::dot(glm::dvec3(normal), glm::normalize(face)), 1.0, 1e-6);
   }

@@ -459,6 +459,7 @@ TEST(Ply, an_alpha_that_is_0_everywhere_is_none) {
   for (const char* type : {"uchar", "float"}) {
     const ReadColors read =
         read_colors(type, {"red", "green", "blue", "alpha"}, {"1 0 0 0", "0 1 0 0", "0 0 1 0"});
+    ASSERT_EQ(read.bytes.size(), 3u) << type;
     for (const std::vector<int>& color : read.bytes) EXPECT_EQ(color.at(3), 255) << type;
     EXPECT_THAT(read.warnings,
                 testing::Contains("assumed-opaque: a.ply: alpha is 0 everywhere; the colours are "

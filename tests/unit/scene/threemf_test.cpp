@@ -14,6 +14,7 @@ using test::ZipMaker;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::StartsWith;
 
 constexpr char kTetrahedron[] = R"(<mesh>
 <vertices>
@@ -218,7 +219,7 @@ TEST(ThreeMf, errors_have_the_line) {
                       attributes + "/></triangles></mesh>");
   };
   const Case cases[] = {
-      {"not XML", "<model", "malformed"},
+      {"not XML", "<model", in + "line 1: not XML: "},
       {"corner", model(triangle("v1=\"0\" v2=\"0\" v3=\"1\""), item),
        in + "object 1: index of a vertex: expected 0, got 1"},
       {"no corner", model(triangle("v1=\"0\" v2=\"0\""), item),
@@ -259,8 +260,7 @@ TEST(ThreeMf, errors_have_the_line) {
     SCOPED_TRACE(one.what);
     const auto scene = load(one.text);
     ASSERT_FALSE(scene);
-    if (std::string(one.what) == "not XML") continue;
-    EXPECT_THAT(scene.error().message(), HasSubstr(one.error.substr(one.error.find(':') + 1)));
+    EXPECT_THAT(scene.error().message(), StartsWith(one.error));
   }
 }
 

@@ -56,6 +56,7 @@ TEST(VoxelList, of_voxels_in_a_cell_the_first_stays_at_any_number_of_voxels) {
     }
     uint64_t count = 0;
     for (const SparseTile& tile : list.finish({.label = true})) {
+      EXPECT_EQ(tile.label.size(), tile.voxel_count());
       for (const uint16_t label : tile.label) EXPECT_EQ(label, 1);
       count += tile.voxel_count();
     }

@@ -33,8 +33,11 @@ TEST(MipChain, an_even_colour_is_unchanged) {
   for (const int side : {2, 3, 7, 64, 100}) {
     std::vector<uint8_t> rgba;
     for (int i = 0; i < side * side; ++i) rgba.insert(rgba.end(), {3, 77, 200, 129});
-    for (const MipLevel& level :
-         build_mip_levels(image_of(side, side, rgba), 1, level_count(side, side) - 1)) {
+    const int last = level_count(side, side) - 1;
+    const auto levels = build_mip_levels(image_of(side, side, rgba), 1, last);
+    ASSERT_EQ(levels.size(), static_cast<size_t>(last));
+    for (const MipLevel& level : levels) {
+      EXPECT_FALSE(level.rgba.empty());
       for (size_t i = 0; i < level.rgba.size(); i += 4) {
         EXPECT_EQ(level.rgba[i], 3);
         EXPECT_EQ(level.rgba[i + 1], 77);

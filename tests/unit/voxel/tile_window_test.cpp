@@ -134,6 +134,7 @@ TEST_F(TileWindowTest, items_and_blocks_cover_every_touched_cell_once) {
 TEST_F(TileWindowTest, no_item_comes_near_the_loop_limit) {
   for (const int block_columns : {4, 16}) {
     fill({0, 0, 0}, block_columns);
+    ASSERT_FALSE(window_.items.empty());
     for (const WorkItemWords& words : window_.items) {
       const Item item = unpacked(words);
       const int columns = (item.i1 - item.i0 + 1) * (item.j1 - item.j0 + 1);

@@ -9,6 +9,7 @@ namespace voxeld {
 namespace {
 
 TEST(CalibrationScene, has_the_triangles_and_the_edges_of_its_case_inside_the_grid) {
+  ASSERT_FALSE(calibration_cases().empty());
   for (const CalibrationCase& one : calibration_cases()) {
     SCOPED_TRACE(std::to_string(one.size) + " cells, edges of " + std::to_string(one.edge));
     const Scene scene = calibration_scene(one, false);

@@ -62,7 +62,10 @@ TEST(Labels, materials_are_those_of_channel_material) {
   const Scene scene = test::gored_balls();
   VoxelizeOptions options = labelled(LabelKind::kMaterial);
   options.channels->material = true;
-  for (const SparseTile& tile : voxelized(scene, options).tiles) {
+  const Grid grid = voxelized(scene, options);
+  ASSERT_FALSE(grid.tiles.empty());
+  for (const SparseTile& tile : grid.tiles) {
+    EXPECT_EQ(tile.label.size(), tile.voxel_count());
     EXPECT_EQ(tile.label, tile.material);
   }
 }

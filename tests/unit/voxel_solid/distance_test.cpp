@@ -350,10 +350,20 @@ TEST(Band, surface_voxels_keep_their_attributes_and_the_others_have_none) {
 TEST(Band, a_band_costs_at_most_its_estimate_and_is_refused_above) {
   Voxelizer voxelizer(nullptr, 2);
   const Scene scene = wavy_sphere(3);
-  const auto estimate = voxelizer.estimate(scene, band_options(8, 300));
+  const auto estimate = voxelizer.estimate(scene, band_options(8, 100));
   ASSERT_TRUE(estimate.ok());
+  voxelizer.set_host_bytes_max(estimate->host_bytes);
+  const auto grid = voxelizer.voxelize(scene, band_options(8, 100), {}, nullptr);
+  ASSERT_TRUE(grid.ok()) << grid.error().message();
+  size_t bytes = 0;
+  for (const SparseTile& tile : grid->tiles) {
+    bytes += tile.masks.size() * (sizeof(BrickMask) + sizeof(uint32_t));
+    bytes += tile.full.size() * sizeof(FullNode) + 2 * tile.distance.size();
+  }
+  EXPECT_GT(bytes, 0u);
+  EXPECT_LE(static_cast<int64_t>(bytes), estimate->host_bytes);
   voxelizer.set_host_bytes_max(estimate->host_bytes - 1);
-  const auto refused = voxelizer.voxelize(scene, band_options(8, 300), {}, nullptr);
+  const auto refused = voxelizer.voxelize(scene, band_options(8, 100), {}, nullptr);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
 }

@@ -53,7 +53,10 @@ class ResumeTest : public ::testing::Test {
       return json{{"cancel", false}, {"fenced", false}, {"preempt", preempts_}}.dump();
     }
     if (message["type"] != "part") return R"({"cancel":false,"fenced":false})";
-    if (refuses_) return R"({"cancel":false,"fenced":false,"error":"storage-full"})";
+    if (refuses_) {
+      ++refused_;
+      return R"({"cancel":false,"fenced":false,"error":"storage-full"})";
+    }
     const fs::path stored = dir_.path() / ("stored-" + std::to_string(parts_.size()));
     EXPECT_EQ(message["position"], parts_.size());
     fs::rename(message["path"].get<std::string>(), stored);
@@ -83,7 +86,7 @@ class ResumeTest : public ::testing::Test {
   testing::TemporaryDir dir_;
   Engine engine_;
   std::vector<std::string> parts_;
-  int tasks_ = 0, cancel_after_ = 0;
+  int tasks_ = 0, cancel_after_ = 0, refused_ = 0;
   bool refuses_ = false, preempts_ = false;
 };
 
@@ -118,6 +121,7 @@ TEST_F(ResumeTest, the_bytes_are_those_of_an_uninterrupted_run) {
 TEST_F(ResumeTest, parts_of_other_work_are_left_aside) {
   (void)run(task({{"size", 1100}}));
   const std::vector<std::string> others = parts_;
+  ASSERT_FALSE(others.empty());
   parts_.clear();
   const std::vector<std::string> expected = outputs(run(task({{"size", 1000}})));
   const std::vector<std::string> own = parts_;
@@ -138,6 +142,7 @@ TEST_F(ResumeTest, a_part_that_cannot_be_stored_costs_the_job_nothing) {
   const std::vector<std::string> expected = outputs(run(task({{"size", 1100}})));
   refuses_ = true;
   EXPECT_EQ(outputs(run(task({{"size", 1100}}))), expected);
+  EXPECT_EQ(refused_, 1) << "no later part is tried";
 }
 
 TEST_F(ResumeTest, a_task_that_is_preempted_again_and_again_ends_with_the_same_bytes) {

@@ -61,6 +61,7 @@ TEST_F(KeyChangesTest, settings_apply_to_all_keys_of_the_tenant_and_to_no_others
   ASSERT_TRUE(changed);
   EXPECT_EQ(changed->id, one.id);
   EXPECT_EQ(changed->limits.cells, 7);
+  ASSERT_EQ(keys().size(), 3u);
   for (const ApiKey& key : keys()) EXPECT_EQ(key.limits.cells, key.tenant == "lab" ? 7 : 0);
 }
 

@@ -203,6 +203,7 @@ TEST_F(FramesTest, an_equal_request_is_answered_with_the_sequence_and_its_frames
   EXPECT_EQ(again.frames_done, 3);
   EXPECT_EQ(again.frames_total, 3);
   EXPECT_EQ(grids(again.id), grids(first.id));
+  EXPECT_EQ(grids(again.id), (std::vector{sha256_id("a"), sha256_id("b"), sha256_id("a")}));
 }
 
 TEST_F(FramesTest, a_sequence_of_which_a_frame_is_lost_is_made_again) {

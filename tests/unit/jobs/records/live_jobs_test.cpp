@@ -63,11 +63,12 @@ TEST_F(QueueShare, places_that_become_free_are_shared_anew) {
   fill("greedy", refusal);
   std::vector<std::string> others;
   for (int i = 0; i < 8; ++i) others.push_back(submit_for("other")->id);
-  EXPECT_FALSE(submit_for("greedy"));
+  EXPECT_EQ(submit_for("greedy").error().code, ErrorCode::kTooManyRequests);
   for (const std::string& id : others) {
     ASSERT_TRUE(service_->cancel(Caller::tenant("other", false), id));
   }
-  EXPECT_FALSE(submit_for("greedy")) << "it has as many as are free";
+  EXPECT_EQ(submit_for("greedy").error().code, ErrorCode::kTooManyRequests)
+      << "it has as many as are free";
   const auto own =
       testing::jobs_of(*service_, Caller::tenant("greedy", false), 1, JobState::kQueued);
   ASSERT_TRUE(service_->cancel(Caller::tenant("greedy", false), own[0].id));

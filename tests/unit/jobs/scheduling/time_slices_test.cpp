@@ -117,6 +117,7 @@ TEST_F(TimeSlicesTest, tenants_that_always_ask_have_shares_of_their_weights) {
 TEST_F(TimeSlicesTest, a_tenant_that_was_away_gets_no_credit_for_it) {
   begin("busy", "a");
   begin("late", "b");
+  begin("late too", "b");
   ASSERT_EQ(take("busy"), Outcome::kGranted);
   for (int i = 0; i < 100; ++i) {
     hold(kQuantum);
@@ -126,10 +127,15 @@ TEST_F(TimeSlicesTest, a_tenant_that_was_away_gets_no_credit_for_it) {
   hold(kQuantum);
   std::thread busy([this] { EXPECT_EQ(slices_->renew("busy", 1, {}), Outcome::kGranted); });
   late.join();  // its time slice comes at once …
+  std::thread late_too = ask("late too");
   hold(2 * kQuantum);
   slices_->give("late", 1);
+  EXPECT_TRUE(slices_->is_waiting("late too")) << "a credit of five seconds";
+  slices_->give("late too", 1);
   busy.join();  // … and the other's after one of it, and not after five seconds
   EXPECT_EQ(order_.back(), "late");
+  slices_->give("busy", 1);
+  late_too.join();
 }
 
 TEST_F(TimeSlicesTest, within_a_tenant_priority_goes_first_then_deadline_then_arrival) {
@@ -211,7 +217,7 @@ TEST_F(TimeSlicesTest, a_task_that_ends_fences_its_waiting_call_and_releases_its
   lost.join();
   std::thread next = ask("next");
   slices_->end_task("holder", 2);  // an older or newer attempt's end is not this one's
-  EXPECT_FALSE(is_granted("next"));
+  EXPECT_TRUE(slices_->is_waiting("next"));
   slices_->end_task("holder", 1);  // its worker was killed
   next.join();
   EXPECT_EQ(*slices_->take("holder", 1, {}, {}), Outcome::kFenced);

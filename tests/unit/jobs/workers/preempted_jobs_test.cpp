@@ -91,6 +91,7 @@ TEST_F(PreemptedJobs, are_only_those_whose_workers_report_that_they_can_stop) {
   ASSERT_TRUE(task);
   submit_with(5);
   EXPECT_FALSE(is_asked(worker, *task, false));
+  EXPECT_TRUE(worker.complete(*task, "voxels")) << "its connection still lives";
 }
 
 TEST_F(PreemptedJobs, were_asked_before) {
