@@ -143,6 +143,17 @@ class Cli(DaemonTest):
         self.assertEqual(jobs.returncode, 0, jobs.stderr)
         self.assertTrue(json.loads(jobs.stdout)["jobs"])
 
+    def test_priority_and_deadline(self):
+        sample = self.fixtures / "sample.ply"
+        done = self.voxel(sample, "-o", self.dir / "a.voxg", "--size", 31, "--priority", 7, "--deadline", 1000)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        job, = [job for job in self.daemon.get("/v1/jobs").json()["jobs"] if job["priority"] == 7]
+        self.assertAlmostEqual(job["deadline_at_ms"] - job["created_ms"], 1e6, delta=1000)
+        done = self.voxel(sample, "-o", self.dir / "b.voxg", "--size", 16384, "--channels", "occupancy",
+                          "--cache", "no", "--deadline", 0.001)
+        self.assertEqual(done.returncode, 6, done.stderr)
+        self.assertIn(b"deadline", done.stderr)
+
     def test_exit_codes(self):
         sample = self.fixtures / "sample.ply"
         out = self.dir / "a.npy"

@@ -161,6 +161,14 @@ class Observability(DaemonTest):
             self.assertTrue(match, header)
             self.assertNotEqual(match[1], TRACE)
 
+    def test_a_trusted_proxy_tells_the_address_of_its_client(self):
+        daemon = Daemon(device="cpu", arguments=["--trusted-proxy", "127.0.0.1"])
+        self.addCleanup(daemon.stop)
+        for each, peer in ((daemon, "192.0.2.7"), (self.daemon, "127.0.0.1")):
+            response = each.get("/v1/me", headers={"X-Forwarded-For": "198.51.100.1, 192.0.2.7"})
+            logged = re.compile(rf"request id={response.headers['X-Request-Id']} .*peer={re.escape(peer)} ")
+            wait_until(lambda: logged.search(each.log_tail(1 << 20)), f"a request of {peer} is logged")
+
     def test_problems_name_their_trace(self):
         for path in ("/v1/jobs/j-" + "0" * 32, "/v1/nothing", "/v1/jobs?limit=0"):
             response = self.daemon.get(path, headers={"traceparent": PARENT})

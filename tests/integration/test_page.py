@@ -1,9 +1,11 @@
 """The page for browsers as the daemon serves it, and names of downloads."""
 import gzip
+import pathlib
 import re
+import tempfile
 import unittest
 
-from harness import ROOT, DaemonTest, TenantsDaemon
+from harness import ROOT, Daemon, DaemonTest, TenantsDaemon
 
 BROWSER = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8",
            "Accept-Encoding": "gzip, deflate, br"}
@@ -29,6 +31,17 @@ class Page(DaemonTest):
         self.assertLessEqual(total, BYTES_MAX)
         head = self.daemon.request("HEAD", "/web/" + self.file_names()[0])
         self.assertEqual((head.status, head.body), (200, b""))
+
+    def test_the_page_of_a_folder(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for name, text in (("index.html", b"<p>mine</p>"), ("own.js", b"let own;")):
+                pathlib.Path(folder, name).write_bytes(text)
+            daemon = Daemon(device="cpu", arguments=["--web-dir", folder])
+            self.addCleanup(daemon.stop)
+            page, script = daemon.get("/", headers=BROWSER), daemon.get("/web/own.js", headers=BROWSER)
+            self.assertEqual((page.body, script.body), (b"<p>mine</p>", b"let own;"))
+            self.assertEqual(script.headers["Cache-Control"], "no-cache")  # it may change
+            self.assertEqual(daemon.get("/web/" + self.file_names()[0]).status, 404)
 
     def test_a_browser_keeps_what_did_not_change(self):
         tag = self.daemon.get("/", headers=BROWSER).headers["ETag"]

@@ -82,7 +82,9 @@ class Damage(Storage):
                 byte = file.read(1)
                 file.seek(0)
                 file.write(bytes([byte[0] ^ 255]))
+        self.assertEqual(self.metric(daemon, "voxeld_store_damaged_blobs"), 0)
         self.assert_problem(daemon.get(f"/v1/jobs/{job}/result"), 410, "gone", "damaged on disk")
+        wait_until(lambda: self.metric(daemon, "voxeld_store_damaged_blobs") > 0, "a damaged file is counted")
         code, report = self.doctor(daemon)
         self.assertEqual(code, 1)
         self.assertEqual({(one["kind"], one["what"]) for one in report["problems"]},
