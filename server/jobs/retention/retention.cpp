@@ -147,31 +147,34 @@ int64_t Retention::bytes_of(const Ids& ids) {
   return bytes;
 }
 
+// One transaction for all that came since the last time would hold the writer for seconds, and its
+// pages are in memory until then.
 Status Retention::note_ages(int64_t kept_now_ms) {
-  constexpr std::string_view kUnknown[] = {"results WHERE aged_ms = 0 AND expired_ms = 0",
-                                           "assets WHERE aged_ms = 0",
-                                           "jobs WHERE aged_ms = 0 AND ended_ms <> 0"};
-  bool some = false;
-  {
-    VOXELD_ASSIGN(Database::Lease reader, database_.read());
-    for (const std::string_view rows : kUnknown) {
-      VOXELD_ASSIGN(SqlStatement row,
-                    reader->query("SELECT 1 FROM " + std::string(rows) + " LIMIT 1"));
-      VOXELD_ASSIGN(const bool found, row.step());
-      some |= found;
+  struct Unknown {
+    std::string_view table, key, rows;
+  };
+  // Nothing expires by age whose age is not known.
+  constexpr Unknown kUnknown[] = {{"results", "seq", "aged_ms = 0 AND expired_ms = 0"},
+                                  {"assets", "id, tenant", "aged_ms = 0"},
+                                  {"jobs", "seq", "aged_ms = 0 AND ended_ms <> 0"}};
+  for (const Unknown& unknown : kUnknown) {
+    const std::string table(unknown.table), key(unknown.key);
+    const std::string rows = " FROM " + table + " WHERE " + std::string(unknown.rows) + " LIMIT ";
+    while (true) {
+      {
+        VOXELD_ASSIGN(Database::Lease reader, database_.read());
+        VOXELD_ASSIGN(SqlStatement row, reader->query("SELECT 1" + rows + "1"));
+        VOXELD_ASSIGN(const bool found, row.step());
+        if (!found) break;
+      }
+      VOXELD_TRY(database_.write_freeing([&](SqlConnection& connection) -> Status {
+        return connection.run("UPDATE " + table + " SET aged_ms = $1 WHERE (" + key +
+                                  ") IN (SELECT " + key + rows + "$2)",
+                              kept_now_ms, kBatch);
+      }));
     }
   }
-  if (!some) return {};
-  // Nothing expires by age whose age is not known.
-  return database_.write_freeing([&](SqlConnection& connection) -> Status {
-    for (const std::string_view rows : kUnknown) {
-      const size_t name = rows.find(' ');
-      VOXELD_TRY(connection.run("UPDATE " + std::string(rows.substr(0, name)) +
-                                    " SET aged_ms = $1" + std::string(rows.substr(name)),
-                                kept_now_ms));
-    }
-    return {};
-  });
+  return {};
 }
 
 Result<int64_t> Retention::count(Aged what) {
