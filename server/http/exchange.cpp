@@ -184,15 +184,20 @@ std::optional<Exchange::Step> Exchange::advance_body() {
     return sink_->finish(request_);
   });
   if (needs_more) return Step::kReadBody;
-  sink_.reset();
-  body_share_.reset();
+  end_body();
   use(std::move(reply));
   return std::nullopt;
 }
 
-void Exchange::fail_body(const Error& error) {
+void Exchange::end_body() {
   sink_.reset();
   body_share_.reset();
+  bytes_in_ = decoder_->bytes_read();
+  decoder_.reset();  // the window of zstd alone has up to 8 MiB
+}
+
+void Exchange::fail_body(const Error& error) {
+  end_body();
   respond(Response::problem(error, request_.head.path, request_.trace.trace_id));
 }
 
@@ -267,7 +272,7 @@ ExchangeRecord Exchange::record() const {
   record.tenant = tenant();
   record.route = request_.route;
   record.status = output_ ? output_->status() : kClientClosedStatus;
-  record.bytes_in = decoder_ ? decoder_->bytes_read() : 0;
+  record.bytes_in = decoder_ ? decoder_->bytes_read() : bytes_in_;
   record.bytes_out = output_ ? output_->body_sent() : 0;
   return record;
 }

@@ -111,6 +111,8 @@ class Exchange {
   void begin_body(int64_t bytes_max, std::unique_ptr<BodySink> sink, int64_t memory_bytes);
   // nullopt: the body is whole, and its sink has replied.
   std::optional<Step> advance_body();
+  // Frees all that the body took, since the response may be hours away.
+  void end_body();
   Step send();
 
   const Context context_;
@@ -129,6 +131,7 @@ class Exchange {
   std::unique_ptr<MemoryShare> body_share_;  // null: small, or not held in memory
   int64_t body_memory_bytes_ = 0;            // still to be reserved
   Clock::time_point body_started_{};
+  int64_t bytes_in_ = 0;  // of a body that has ended
   // --- kWait
   std::unique_ptr<Wait> wait_;
   // --- kSend

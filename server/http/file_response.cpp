@@ -65,6 +65,7 @@ Result<Response> file_response(const Head& head, const FileBody& file, std::stri
   }
   const std::string_view range_text = head.header("Range"), if_range = head.header("If-Range");
   if (range_text.empty() || (!if_range.empty() && if_range != etag)) return response;
+  if (head.method == "HEAD") return response;  // RFC 9110 section 14.2
   auto range = parse_range(range_text, file.bytes);
   if (!range) {
     Response refused = Response::problem(range.error(), head.path);

@@ -506,11 +506,12 @@ class EpollServer final : public HttpServer {
   }
 
   void settle(Client& client, Step step) {
+    // A body was in it, and the response may take long.
+    if (step != Step::kReadBody) client.connection.shrink_buffer();
     switch (step) {
       case Step::kReadBody:
         return wait_for_body(client);
       case Step::kWait:
-        client.connection.shrink_buffer();
         wait_for_wake(client);
         return grant_memory();
       case Step::kNeedMemory:
@@ -544,7 +545,6 @@ class EpollServer final : public HttpServer {
       client.lingered_bytes = 0;
       return drop_input(client);
     }
-    client.connection.shrink_buffer();
     wait_for(client, client.connection.buffer().empty() ? State::kIdle : State::kQueued);
   }
 

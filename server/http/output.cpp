@@ -156,7 +156,7 @@ Result<Piece> Output::make_piece() {
 }
 
 Output::State Output::next_piece() {
-  text_ = std::string();
+  std::string().swap(text_);  // an assignment keeps its memory, which nobody would count
   text_at_ = 0;
   if (!share_.reserve(pieces_.piece_bytes_max)) return State::kHeld;
   Result<Piece> piece = make_piece();
@@ -257,7 +257,7 @@ Output::State Output::advance(Connection& connection) {
 
 // Bytes that the socket did not take count against the budget, whatever the kind of body.
 Output::State Output::blocked() {
-  if (text_at_ == text_.size()) text_ = std::string();
+  if (text_at_ == text_.size()) std::string().swap(text_);
   if (text_.empty()) text_at_ = 0;
   share_.set(static_cast<int64_t>(text_.size()));
   return State::kBlocked;

@@ -126,21 +126,23 @@ pid_t start_child(const std::vector<std::string>& command, int stdout_fd) {
   return -1;
 }
 
-// Reads until the end of the pipe. Returns false on timeout.
-bool read_reply(int fd, std::chrono::milliseconds timeout, std::string& text) {
+// Reads until the end of the pipe. Returns why it gave up before; empty: it did not.
+std::string read_reply(int fd, std::chrono::milliseconds timeout, std::string& text) {
   const Stopwatch clock;
   char buffer[4096];
   while (text.size() < kReplyBytesMax) {
     const double left_ms = static_cast<double>(timeout.count()) - clock.ms();
-    if (left_ms <= 0) return false;
+    if (left_ms <= 0) {
+      return "the driver did not reply within " + std::to_string(timeout.count()) + " ms";
+    }
     pollfd waiting{fd, POLLIN, 0};
     if (::poll(&waiting, 1, static_cast<int>(left_ms) + 1) <= 0) continue;
     const ssize_t bytes = ::read(fd, buffer, sizeof buffer);
-    if (bytes == 0) return true;
+    if (bytes == 0) return {};
     if (bytes > 0) text.append(buffer, static_cast<size_t>(bytes));
-    if (bytes < 0 && errno != EINTR) return true;
+    if (bytes < 0 && errno != EINTR) return {};
   }
-  return true;
+  return "the driver wrote more than " + std::to_string(kReplyBytesMax) + " bytes";
 }
 
 }  // namespace
@@ -160,14 +162,14 @@ ChildReply run_child(const std::vector<std::string>& command, std::chrono::milli
     reply.failure = "cannot run " + command[0] + ": " + std::strerror(errno);
     return reply;
   }
-  const bool in_time = read_reply(read_end.get(), timeout, reply.text);
-  if (!in_time) ::kill(pid, SIGKILL);
+  reply.failure = read_reply(read_end.get(), timeout, reply.text);
+  // One that goes on writing would block for ever, since nobody reads any more.
+  if (!reply.failure.empty()) ::kill(pid, SIGKILL);
   int status = 0;
   while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
   }
-  if (!in_time) {
-    reply.failure = "the driver did not reply within " + std::to_string(timeout.count()) + " ms";
-  } else if (WIFSIGNALED(status)) {
+  if (!reply.failure.empty()) return reply;
+  if (WIFSIGNALED(status)) {
     reply.failure = std::string("the driver crashed: ") + ::strsignal(WTERMSIG(status));
   } else if (WEXITSTATUS(status) != 0) {
     reply.failure = "the probe ended with status " + std::to_string(WEXITSTATUS(status));

@@ -8,7 +8,8 @@ Result<std::unique_ptr<WaitLimit::Place>> WaitLimit::take(const std::string& ten
     const auto own = by_tenant_.find(tenant);
     const int used = own == by_tenant_.end() ? 0 : own->second;
     if (used >= places_ - taken_) {
-      return Error{ErrorCode::kTooManyRequests, "too many requests of this tenant wait at a time",
+      return Error{ErrorCode::kTooManyRequests,
+                   "too many requests of this tenant " + std::string(what_) + " at a time",
                    "fewer than " + std::to_string(used + 1), "another"};
     }
     ++by_tenant_[tenant];

@@ -16,7 +16,8 @@ namespace voxeld::api {
 // places, n tenants n/(n + 1) of them; a tenant without any always finds one.
 class WaitLimit {
  public:
-  explicit WaitLimit(int places) : places_(places) {}
+  // Errors name `what` the requests of a tenant do.
+  explicit WaitLimit(int places, std::string_view what = "wait") : places_(places), what_(what) {}
 
   // One place, from the start of a request that may wait until its response begins. It must not
   // outlive the limit.
@@ -38,6 +39,7 @@ class WaitLimit {
   void free(const std::string& tenant) EXCLUDES(mutex_);
 
   const int places_;
+  const std::string_view what_;
   Mutex mutex_;
   int taken_ GUARDED_BY(mutex_) = 0;
   std::map<std::string, int, std::less<>> by_tenant_ GUARDED_BY(mutex_);  // none is 0

@@ -9,6 +9,7 @@
 
 #include "proto/messages/job.h"
 #include "server/api/access/access.h"
+#include "server/api/access/upload_bytes.h"
 #include "server/api/access/wait_limit.h"
 #include "server/api/http_types.h"
 #include "server/jobs/auth/key_ring.h"
@@ -16,11 +17,17 @@
 
 namespace voxeld::api {
 
+// Uploads in zstd of all tenants at a time: inflating one takes up to 8 MiB of memory
+// (http::kZstdWindowLogMax).
+inline constexpr int kZstdUploadsMax = 32;
+
 struct Api {
   JobService& jobs;
   const Access& access;
   const KeyRing& keys;
   WaitLimit waits;
+  WaitLimit zstd_uploads{kZstdUploadsMax, "upload zstd"};
+  UploadBytes upload_bytes{};
   std::atomic<int> event_streams{0};
   // The server drains: event streams end, and long polls return at once.
   std::atomic<bool> stopping{false};

@@ -62,7 +62,8 @@ std::string name_with_format(std::string name, std::string_view type) {
   const auto* found = std::ranges::find(kTypeExtensions, type,
                                         &std::pair<std::string_view, std::string_view>::first);
   if (found == kTypeExtensions.end()) return name;
-  return (name.empty() ? "asset" : name) + std::string(found->second);
+  const size_t stem_max = client_texts::kFilename.bytes_max - found->second.size();
+  return (name.empty() ? "asset" : name.substr(0, stem_max)) + std::string(found->second);
 }
 
 // The name of a manifest, with kBundleExtension; an unnamed one is named after its first file.
@@ -104,6 +105,7 @@ struct Announced {
   Durability durability = Durability::kNow;
   Stopwatch watch;
   WaitPlace place;
+  WaitPlace zstd_place;  // null: it is not zstd
 };
 
 // Responds to a body that was received and registered.
@@ -137,6 +139,12 @@ Reply receive_bundle(const Request& request, Api& api, Announced announced, Then
                   }};
 }
 
+// Bytes that the tenant's uploads may have brought at a time; 0: any. One alone may fill its room.
+int64_t unfinished_bytes_max(Api& api, const Caller& caller, int64_t room) {
+  const int64_t quota = api.jobs.limits(caller).bytes;
+  return quota == 0 ? 0 : std::max(quota, room);
+}
+
 // Writes a file into the store.
 class FileSink final : public BodySink {
  public:
@@ -145,6 +153,7 @@ class FileSink final : public BodySink {
       : api_(api),
         caller_(std::move(caller)),
         announced_(std::move(announced)),
+        held_(api.upload_bytes, caller_.tenant(), unfinished_bytes_max(api, caller_, room)),
         writer_(std::move(writer)),
         room_(room),
         then_(std::move(then)) {}
@@ -155,6 +164,7 @@ class FileSink final : public BodySink {
     if (writer_.bytes() + more > room_) {
       VOXELD_TRY(api_.jobs.upload_room(caller_, writer_.bytes() + more));
     }
+    VOXELD_TRY(held_.add(more));
     return writer_.append(piece);
   }
 
@@ -175,6 +185,7 @@ class FileSink final : public BodySink {
   Api& api_;
   const Caller caller_;
   Announced announced_;
+  UploadBytes::Share held_;  // until the file is gone or registered
   BlobWriter writer_;
   const int64_t room_;
   const Then then_;
@@ -205,6 +216,9 @@ Result<Reply> receive(Request& request, Api& api, Durability durability, Then th
     VOXELD_TRY(check_media_type(type));
   }
   VOXELD_ASSIGN(announced.place, api.waits.take(request.caller.tenant()));
+  if (request.head.coding == http::ContentCoding::kZstd) {
+    VOXELD_ASSIGN(announced.zstd_place, api.zstd_uploads.take(request.caller.tenant()));
+  }
   if (type == kBundleMediaType)
     return receive_bundle(request, api, std::move(announced), std::move(then));
   announced.filename = name_with_format(std::move(announced.filename), type);

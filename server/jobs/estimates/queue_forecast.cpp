@@ -72,6 +72,8 @@ void QueueForecast::changed(const JobRecord& record, const JobInput& input) {
   live.deadline_ms = record.deadline_ms;
   live.is_running = status.state == JobState::kRunning;
   live.status = status;
+  // Up to 100 KB of a job, and nothing reads them again.
+  std::string().swap(live.status.options_json);
   live.share_kept = share_done(status);
 }
 

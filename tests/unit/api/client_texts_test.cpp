@@ -158,6 +158,12 @@ TEST_F(ClientTexts, headers_are_bounded) {
   EXPECT_LE(longest_stored(), 2000);
 }
 
+TEST_F(ClientTexts, a_name_that_gets_the_extension_of_its_type_stays_within_the_limit) {
+  const HttpResponse response = request("POST", "/v1/assets?filename=" + std::string(255, 'n'),
+                                        "Content-Type: model/obj\r\n", "mesh");
+  EXPECT_EQ(json(response).value("filename", ""), std::string(251, 'n') + ".obj");
+}
+
 TEST_F(ClientTexts, long_names_in_a_request_are_not_echoed_whole) {
   const std::string path = finished_job("0123456789");
   const std::string name(6000, 'A');

@@ -1,5 +1,8 @@
 // A tenant's limits over HTTP.
+#include <cstdint>
+#include <filesystem>
 #include <string>
+#include <system_error>
 
 #include "server/jobs/auth/key_file.h"
 #include "tests/unit/api/api_server_fixture.h"
@@ -18,6 +21,16 @@ class LimitsTest : public ServerTest {
     TenantLimits limits;
     limits.bytes = most;
     return limits;
+  }
+  // Bytes of files that are being uploaded.
+  int64_t unfinished_bytes() const {
+    int64_t sum = 0;
+    for (const auto& file : std::filesystem::directory_iterator(dir_.path() / "data/tmp")) {
+      std::error_code gone;
+      const auto bytes = file.file_size(gone);
+      if (!gone) sum += static_cast<int64_t>(bytes);
+    }
+    return sum;
   }
 };
 
@@ -68,6 +81,26 @@ TEST_F(LimitsTest, a_chunked_upload_is_refused_when_it_gets_too_long) {
   ASSERT_TRUE(response);
   EXPECT_EQ(response->status, 507);
   EXPECT_EQ(response->code(), "quota-exceeded");
+}
+
+TEST_F(LimitsTest, uploads_that_do_not_end_hold_no_more_than_the_quota) {
+  const std::string lab = add("lab", bytes(1'000'000)), studio = add("studio", bytes(1'000'000));
+  const std::string head = "POST /v1/assets HTTP/1.1\r\nHost: h\r\nContent-Length: 900000\r\n";
+  const std::string most(800'000, 'x');
+  HttpClient first(server_->port()), second(server_->port()), other(server_->port());
+  ASSERT_TRUE(first.send(head + lab + "\r\n" + most));
+  ASSERT_TRUE(comes_true([&] { return unfinished_bytes() == std::ssize(most); }));
+  ASSERT_TRUE(second.send(head + lab + "\r\n" + most));
+  const HttpResponse refused = second.receive().value_or(HttpResponse{});
+  EXPECT_EQ(refused.status, 429);
+  EXPECT_EQ(refused.code(), "too-many-requests");
+  EXPECT_EQ(refused.detail(), "uploads of this tenant that have not ended hold its whole quota");
+  EXPECT_NE(refused.header("retry-after"), "");
+  ASSERT_TRUE(other.send(head + studio + "\r\n" + std::string(900'000, 'y')));
+  EXPECT_EQ(other.receive().value_or(HttpResponse{}).status, 201);
+  EXPECT_FALSE(first.readable(0)) << "it may go on";
+  first.close();
+  EXPECT_TRUE(comes_true([&] { return request("POST", "/v1/assets", lab, most).status == 201; }));
 }
 
 TEST_F(LimitsTest, a_tenant_can_read_its_limits_and_usage) {

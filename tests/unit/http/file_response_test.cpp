@@ -85,6 +85,14 @@ TEST(FileResponse, nothing_of_an_empty_file_can_be_asked_for) {
   EXPECT_EQ(summary(*file_response(*head, {"/file", 0, 0}, "\"a\"")), "416 bytes */0");
 }
 
+TEST(FileResponse, a_head_request_is_told_of_the_whole_file) {
+  for (const char* value : {"bytes=0-0", "bytes=100-"}) {
+    const auto head =
+        parse_head("HEAD /x HTTP/1.1\r\nHost: h\r\nRange: " + std::string(value) + "\r\n\r\n");
+    EXPECT_EQ(summary(*file_response(*head, {"/file", 1000, 100}, "\"abc\"")), kWhole) << value;
+  }
+}
+
 TEST(FileResponse, if_range_asks_for_the_part_of_this_very_content) {
   const auto summary_with = [](const std::string& tag) {
     return summary(respond("Range: bytes=0-0\r\nIf-Range: " + tag + "\r\n"));

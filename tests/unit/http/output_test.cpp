@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -14,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/unit/base/heap_bytes.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld::http {
@@ -53,6 +55,32 @@ TEST(OutputOfPieces, their_file_is_held_until_the_last_one_is_made) {
   }
   EXPECT_EQ(held.bytes("lab"), 0);
   EXPECT_FALSE(output.sends_file());
+}
+
+// Bytes that the socket has taken do not count against the budget, so they may not be kept either.
+TEST(OutputOfPieces, a_stream_that_waits_keeps_no_memory_of_what_it_has_sent) {
+  constexpr size_t kStreams = 100, kBytes = 40'000;
+  MemoryBudget budget;
+  std::vector<UniqueFd> clients;
+  std::vector<std::unique_ptr<Connection>> connections;
+  std::vector<std::unique_ptr<Output>> outputs;
+  const int64_t before = testing::heap_bytes();
+  for (size_t i = 0; i < kStreams; ++i) {
+    std::array<int, 2> fds{};
+    ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, fds.data()), 0);
+    connections.push_back(std::make_unique<Connection>(UniqueFd(fds[0]), "10.0.0.1"));
+    clients.emplace_back(fds[1]);
+    Response response;
+    response.body = PieceBody{[is_first = true]() mutable -> Result<Piece> {
+      if (std::exchange(is_first, false)) return Piece{std::string(kBytes, 'x'), false};
+      return Piece{"", false, Clock::now() + std::chrono::hours(1)};
+    }};
+    outputs.push_back(std::make_unique<Output>(Output::Context(), std::move(response), budget, "",
+                                               nullptr, nullptr));
+    ASSERT_EQ(outputs.back()->advance(*connections.back()), Output::State::kWaiting);
+  }
+  EXPECT_EQ(budget.bytes(), 0);
+  EXPECT_LT(testing::heap_bytes() - before, static_cast<int64_t>(kStreams * kBytes / 4));
 }
 
 // A socket whose other end reads as fast as it can.

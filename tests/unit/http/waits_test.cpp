@@ -3,11 +3,16 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "tests/unit/base/heap_bytes.h"
+#include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/http/coding.h"
 #include "tests/unit/http/http_server_fixture.h"
 
 namespace voxeld::http {
@@ -227,6 +232,70 @@ TEST_F(HttpServerTest, bodies_over_the_memory_budget_wait_for_each_other) {
     EXPECT_TRUE(client.receive().value_or(HttpResponse{}).body == body);
   }
   EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
+}
+
+// --- memory of bodies that have ended
+
+// Drops its body, then waits as EndlessWait does.
+class SinkThatWaits final : public BodySink {
+ public:
+  explicit SinkThatWaits(EndlessWait::Counts& counts) : counts_(counts) {}
+  Status take(std::span<const uint8_t>) override { return {}; }
+  Reply finish(Request&) override {
+    return std::unique_ptr<Wait>(std::make_unique<EndlessWait>(counts_));
+  }
+
+ private:
+  EndlessWait::Counts& counts_;
+};
+
+TEST_F(HttpServerTest, a_request_that_waits_keeps_no_decoder_of_its_body) {
+  constexpr int kClients = 100;
+  on("POST", "/wait", [this](Request&) {
+    return StreamedBody{1 << 20, std::make_unique<SinkThatWaits>(waits_)};
+  });
+  start();
+  const std::string body = testing::gzip("a mesh");
+  const std::string head =
+      "POST /wait HTTP/1.1\r\nHost: h\r\nContent-Encoding: gzip\r\nContent-Length: " +
+      std::to_string(body.size()) + "\r\n\r\n";
+  std::vector<HttpClient> clients;
+  const int64_t before = testing::heap_bytes();
+  for (int i = 0; i < kClients; ++i) {
+    ASSERT_TRUE(clients.emplace_back(port()).send(head + body));
+  }
+  ASSERT_TRUE(comes_true([&] { return server_->state().requests_waiting == kClients; }));
+  // A decoder of gzip has 64 KiB for what it inflates, and one of zstd 8 MiB.
+  EXPECT_LT(testing::heap_bytes() - before, kClients * 30'000);
+}
+
+TEST_F(HttpServerTest, a_response_that_is_not_read_keeps_no_buffer_of_its_requests_body) {
+  constexpr int kClients = 32;
+  constexpr int64_t kFileBytes = int64_t{64} << 20;  // more than the buffers of both sockets hold
+  const testing::TemporaryDir dir;
+  std::ofstream(dir.path() / "file").close();
+  std::filesystem::resize_file(dir.path() / "file", static_cast<uintmax_t>(kFileBytes));
+  on("POST", "/file", [&](Request&) {
+    return TextBody{1 << 20, [&](Request&, const std::string&) {
+                      Response response;
+                      response.body = FileBody{dir.path() / "file", 0, kFileBytes};
+                      return response;
+                    }};
+  });
+  start();
+  const std::string body(60'000, 'b');
+  const std::string head =
+      "POST /file HTTP/1.1\r\nHost: h\r\nContent-Length: " + std::to_string(body.size()) +
+      "\r\n\r\n";
+  std::vector<HttpClient> clients;
+  const int64_t before = testing::heap_bytes();
+  for (int i = 0; i < kClients; ++i) {
+    ASSERT_TRUE(clients.emplace_back(port()).send(head + body));
+  }
+  for (const HttpClient& client : clients) ASSERT_TRUE(client.readable(kPatienceSeconds));
+  EXPECT_TRUE(
+      comes_true([&] { return testing::heap_bytes() - before < kClients * std::ssize(body) / 3; }));
+  server_->stop(0);  // before its file goes
 }
 
 }  // namespace

@@ -80,5 +80,16 @@ TEST(ChildProcess, the_child_has_no_signals_blocked_and_no_descriptors_but_the_s
   EXPECT_LE(descriptors, 4);  // 0, 1, 2 and perhaps the shell's copy of one of them
 }
 
+TEST(RunChild, one_that_writes_without_end_is_ended) {
+  const ChildReply reply =
+      run_child({"/bin/sh", "-c", "while :; do echo driver; done"}, std::chrono::minutes(10));
+  EXPECT_EQ(reply.failure, "the driver wrote more than 1048576 bytes");
+}
+
+TEST(RunChild, one_that_takes_too_long_is_ended) {
+  const ChildReply reply = run_child({"/bin/sleep", "600"}, std::chrono::milliseconds(50));
+  EXPECT_EQ(reply.failure, "the driver did not reply within 50 ms");
+}
+
 }  // namespace
 }  // namespace voxeld

@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -40,8 +41,8 @@ class ExcerptBody {
 
   Result<Piece> next() {
     Piece piece;
-    piece.text.assign(excerpt_.front.begin(), excerpt_.front.end());
-    excerpt_.front = {};
+    const std::vector<uint8_t> front = std::exchange(excerpt_.front, {});
+    piece.text.assign(front.begin(), front.end());
     const size_t had = piece.text.size();
     const auto room = std::max<uint64_t>(kPieceBytesMax, had) - had;
     piece.text.resize(had + std::min(room, excerpt_.end_byte - at_));

@@ -10,6 +10,7 @@
 #include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
+#include "server/http/file_response.h"
 
 namespace voxeld::api {
 namespace {
@@ -39,9 +40,10 @@ Response dry_run(Request& request, const JobRequest& job, Api& api) {
                                  .dump());
 }
 
-// "\"3\"": the ETag of a version.
-std::string tag_of(const JobStatus& status) {
-  return "\"" + std::to_string(status.version) + "\"";
+// Whether an If-None-Match names the ETag of this version, also as W/"3": a proxy that compresses
+// makes it weak.
+bool is_known_version(std::string_view if_none_match, const JobStatus& status) {
+  return http::etag_matches(if_none_match, "\"" + std::to_string(status.version) + "\"");
 }
 
 Response submitted_response(const Request& request, Api& api, const JobStatus& status, int wait) {
@@ -87,7 +89,7 @@ Reply submit_job(Request& request, Api& api, const std::string& text) {
 // The response to GET: 304 for the version that the client knows.
 Response polled_response(const Request& request, Api& api, const JobStatus& status) {
   Response response = status_response(request, api, 200, status);
-  if (request.head.header("If-None-Match") == tag_of(status)) {
+  if (is_known_version(request.head.header("If-None-Match"), status)) {
     response.status = 304;
     response.body = std::string();
   }
@@ -137,7 +139,7 @@ Reply get_job(Request& request, Api& api) {
   if (!status) return problem(request, status.error());
   const int wait = preferred_wait_seconds(request);
   const std::string known(request.head.header("If-None-Match"));
-  const bool is_news = !known.empty() && known != tag_of(*status);
+  const bool is_news = !known.empty() && !is_known_version(known, *status);
   if (wait == 0 || status->ended() || is_news) return polled_response(request, api, *status);
   auto place = api.waits.take(request.caller.tenant());
   if (!place) return problem(request, place.error());
@@ -148,7 +150,7 @@ Reply get_job(Request& request, Api& api) {
   plan.is_poll = true;
   if (!known.empty()) {
     plan.change = JobChange::kAny;
-    plan.is_over = [known](const JobStatus& now) { return known != tag_of(now); };
+    plan.is_over = [known](const JobStatus& now) { return !is_known_version(known, now); };
   }
   plan.then = [&api](Request& asking, const JobStatus& now) {
     return polled_response(asking, api, now);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "server/jobs/estimates/queue_forecast.h"
+#include "tests/unit/base/heap_bytes.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -171,6 +172,20 @@ TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
   const JobStatus estimated = queue.estimate("light", request, kInput);
   EXPECT_EQ(estimated.queue_position, 5);
   EXPECT_GE(estimated.expected_start_ms, second_end - 1000);
+}
+
+TEST_F(JobCostsTest, options_of_jobs_that_wait_are_not_kept) {
+  constexpr int kJobs = 100, kBytes = 100'000;
+  JobCosts costs(file());
+  QueueForecast queue(
+      costs, 1, [](const std::string&) { return 1.0; }, [](JobStatus&) {});
+  const int64_t before = testing::heap_bytes();
+  for (int i = 0; i < kJobs; ++i) {
+    JobRecord waiting = record("j-" + std::to_string(i), "", i);
+    waiting.status.options_json.append(kBytes, ' ');
+    queue.changed(waiting, kInput);
+  }
+  EXPECT_LT(testing::heap_bytes() - before, kJobs * kBytes / 4);
 }
 
 TEST_F(JobCostsTest, a_running_job_tells_how_far_it_is_beyond_its_estimate) {
