@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 10;
+inline constexpr int kAlgorithmVersion = 11;
 }  // namespace voxeld

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/base/pieces.h"
 #include "server/grid/color/oklab.h"
 
 namespace voxeld {
@@ -37,6 +38,7 @@ Cluster measured(const std::vector<Sample>& samples, size_t first, size_t last) 
   for (size_t c = 0; c < 3; ++c) {
     double weight = 0, sum = 0, square = 0;
     for (size_t i = first; i < last; ++i) {
+      cancel_point_at(i);
       const double v = samples[i].lab[c];
       weight += samples[i].weight;
       sum += samples[i].weight * v;
@@ -56,7 +58,7 @@ size_t cut_of(std::vector<Sample>& samples, const Cluster& cluster) {
   const auto axis = static_cast<size_t>(cluster.axis);
   const auto begin = samples.begin() + static_cast<std::ptrdiff_t>(cluster.first);
   const auto end = samples.begin() + static_cast<std::ptrdiff_t>(cluster.last);
-  std::sort(begin, end, [&](const Sample& a, const Sample& b) {
+  cancellable_sort(begin, end, [&](const Sample& a, const Sample& b) {
     return a.lab[axis] != b.lab[axis] ? a.lab[axis] < b.lab[axis] : a.key < b.key;
   });
   double total = 0, sum = 0;
@@ -83,6 +85,7 @@ std::vector<Lab> median_cut(std::vector<Sample>& samples, size_t colors_max) {
     Lab sum{};
     double weight = 0;
     for (size_t i = cluster.first; i < cluster.last; ++i) {
+      cancel_point_at(i);
       weight += samples[i].weight;
       for (size_t c = 0; c < 3; ++c) sum[c] += samples[i].weight * samples[i].lab[c];
     }
@@ -118,9 +121,11 @@ Rgb mean_color(const std::array<double, 4>& linear_sum) {
 Palette make_palette(const ColorCounts& counts, int colors_max) {
   std::vector<Sample> samples;
   for (const auto& [key, count] : counts) {
-    samples.push_back({key, static_cast<double>(count), oklab(rgb_of(key))});
+    cancel_point();
+    push_in_pieces(samples, {key, static_cast<double>(count), oklab(rgb_of(key))});
   }
-  std::ranges::sort(samples, {}, &Sample::key);
+  cancellable_sort(samples.begin(), samples.end(),
+                   [](const Sample& a, const Sample& b) { return a.key < b.key; });
   Palette palette;
   if (samples.size() <= static_cast<size_t>(colors_max)) {
     for (const Sample& sample : samples) {
@@ -134,6 +139,7 @@ Palette make_palette(const ColorCounts& counts, int colors_max) {
   for (int round = 0; round < kRefinements; ++round) {
     std::vector<std::array<double, 4>> sums(centers.size());
     for (size_t i = 0; i < samples.size(); ++i) {
+      cancel_point_at(i);
       cluster_of[i] = nearest(centers, samples[i].lab);
       auto& sum = sums[cluster_of[i]];
       for (size_t c = 0; c < 3; ++c) sum[c] += samples[i].weight * samples[i].lab[c];
@@ -146,6 +152,7 @@ Palette make_palette(const ColorCounts& counts, int colors_max) {
   }
   std::vector<std::array<double, 4>> linear(centers.size());
   for (size_t i = 0; i < samples.size(); ++i) {
+    cancel_point_at(i);
     auto& sum = linear[cluster_of[i]];
     for (size_t c = 0; c < 3; ++c) {
       sum[c] += samples[i].weight * linear_from_srgb((samples[i].key >> (8 * c) & 255) / 255.0);

@@ -19,7 +19,7 @@ struct Palette {
 
 // Exact if there are few colours. Otherwise median cut (Heckbert 1982) by weighted variance in the
 // perceptual space OKLab (Ottosson 2020), refined by k-means (Lloyd 1982). The result depends only
-// on the counts, not on their order.
+// on the counts, not on their order. Has cancellation points.
 Palette make_palette(const ColorCounts& counts, int colors_max);
 
 }  // namespace voxeld

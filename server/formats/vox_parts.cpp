@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "proto/options/values.h"
-#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/formats/volume/volume_facts.h"
 
 namespace voxeld::vox {
@@ -86,7 +86,10 @@ void count_colors(const Grid& grid, const Colors& colors, ColorCounts& counts) {
   for (const SparseTile& tile : grid.tiles) {
     cancel_point();
     const size_t voxels = tile.attribute_count();
-    for (size_t voxel = 0; voxel < voxels; ++voxel) ++counts[colors.of(tile, voxel)];
+    for (size_t voxel = 0; voxel < voxels; ++voxel) {
+      cancel_point_at(voxel);
+      ++counts[colors.of(tile, voxel)];
+    }
     const uint64_t others = tile.voxel_count() - voxels;
     if (others > 0) counts[colors.other()] += others;
   }
@@ -118,6 +121,7 @@ VoxelEntries entries_of(const Grid& grid, const Colors& colors, const Palette& p
     const SparseTile& tile = grid.tiles[i];
     entries.tiles[i].resize(tile.attribute_count());
     for (size_t voxel = 0; voxel < entries.tiles[i].size(); ++voxel) {
+      cancel_point_at(voxel);
       entries.tiles[i][voxel] = palette.index_of.at(colors.of(tile, voxel));
     }
   }
@@ -131,6 +135,7 @@ Models models_of(const Grid& grid, const VoxelEntries& entries) {
   std::optional<Part> last_part;
   std::vector<Voxel>* last = nullptr;  // of last_part; a map's elements do not move
   const auto add = [&](int x, int y, int z, uint16_t label, uint8_t entry) {
+    cancel_point();
     const std::array<int, 3> p = {x, grid.spec.dims.z - 1 - z, y};
     const Part part{label, {p[0] / kModelSide, p[1] / kModelSide, p[2] / kModelSide}};
     if (part != last_part) last = &models[*(last_part = part)];
@@ -164,6 +169,7 @@ void add_model(Bytes& out, const Part& part, const std::vector<Voxel>& voxels,
   Bytes cells;
   cells.u32(static_cast<uint32_t>(voxels.size()));
   for (const Voxel& v : voxels) {
+    cancel_point();
     for (const uint8_t byte : {v.x, v.y, v.z, v.color}) cells.u8(byte);
   }
   out.chunk("XYZI", cells);

@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "proto/thread_pool.h"
-#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/formats/npy/extend_sign.h"
 #include "server/formats/npy/npy_array.h"
 #include "server/formats/npy/sample_writers.h"
@@ -129,7 +129,8 @@ void DenseArray::fill_segment(const Writer& writer, const Segment& segment, uint
 }
 
 void DenseArray::make_band(float far) {
-  std::vector<float> band(bytes_ / sizeof(float));
+  std::vector<float> band;
+  resize_in_pieces(band, bytes_ / sizeof(float));
   auto* const bytes = reinterpret_cast<uint8_t*>(band.data());
   for (size_t begin = 0; begin < piece_count_; begin += kBandPieces) {
     cancel_point();

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "server/base/pieces.h"
+
 namespace voxeld {
 namespace {
 
@@ -16,6 +18,7 @@ class SignExtension {
   // they stay NaN.
   bool run(std::span<float> values, size_t axis) const {
     if (axis == sides_.size()) return !std::isnan(values.front());
+    if (axis + 1 == sides_.size()) cancel_point();
     const size_t length = values.size() / sides_[axis];
     const auto part = [&](size_t i) { return values.subspan(i * length, length); };
     std::vector<bool> known(sides_[axis]);
@@ -32,7 +35,9 @@ class SignExtension {
 
  private:
   void copy(std::span<const float> from, std::span<float> to) const {
-    for (size_t i = 0; i < to.size(); ++i) to[i] = std::copysign(background_, from[i]);
+    in_pieces(to.size(), kPieceElements<float>, [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) to[i] = std::copysign(background_, from[i]);
+    });
   }
 
   std::array<size_t, 3> sides_;
@@ -43,7 +48,9 @@ class SignExtension {
 
 void extend_sign(std::span<float> values, const std::array<size_t, 3>& sides, float background) {
   if (values.empty() || SignExtension(sides, background).run(values, 0)) return;
-  std::ranges::fill(values, background);
+  in_pieces(values.size(), kPieceElements<float>, [&](size_t begin, size_t end) {
+    std::ranges::fill(values.subspan(begin, end - begin), background);
+  });
 }
 
 }  // namespace voxeld

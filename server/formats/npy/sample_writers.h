@@ -14,6 +14,7 @@
 
 #include "proto/codec/sparse_tile.h"
 #include "proto/options/options.h"
+#include "server/base/cancel_point.h"
 #include "server/grid/grid.h"
 
 namespace voxeld {
@@ -108,6 +109,7 @@ struct DistanceWriter {
 inline float farthest(const Grid& grid, auto member) {
   int steps = 1;
   for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
     for (const int16_t distance : tile.*member) steps = std::max(steps, std::abs(distance));
   }
   return static_cast<float>(steps) / static_cast<float>(kDistanceSteps);

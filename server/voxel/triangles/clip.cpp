@@ -1,5 +1,7 @@
 #include "server/voxel/triangles/clip.h"
 
+#include <algorithm>
+#include <span>
 #include <tuple>
 #include <utility>
 
@@ -54,6 +56,11 @@ ClipPolygon clip_triangle(const std::array<glm::dvec3, 3>& p_grid, const glm::dv
     polygon = clip_plane(polygon, axis, box_max[axis], 1.0);
   }
   if (polygon.count < 3) polygon.count = 0;
+  const std::span<ClipCorner> corners(polygon.corners.data(), polygon.count);
+  const auto first = std::ranges::min_element(
+      corners,
+      [](const ClipCorner& a, const ClipCorner& b) { return comes_first(a.p_grid, b.p_grid); });
+  std::ranges::rotate(corners, first);
   return polygon;
 }
 

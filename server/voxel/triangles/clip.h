@@ -23,7 +23,8 @@ struct ClipPolygon {
 // The part of the triangle inside the closed box, in the triangle's orientation (Sutherland &
 // Hodgman 1974, "Reentrant polygon clipping"). Unlike there, the new point of an edge is computed
 // from its end points in one fixed order. Neighbours that share the edge therefore get the same
-// point, bit for bit.
+// point, bit for bit. The first corner is the least one (by x, then y, then z), so that a fan from
+// it does not depend on the order of the triangle's corners.
 ClipPolygon clip_triangle(const std::array<glm::dvec3, 3>& p_grid, const glm::dvec3& box_min,
                           const glm::dvec3& box_max);
 

@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <random>
+
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -151,6 +154,13 @@ TEST(Palette, depends_on_the_counts_alone_not_on_their_order) {
   const Palette a = make_palette(first, 100), b = make_palette(second, 100);
   EXPECT_EQ(a.colors, b.colors);
   EXPECT_EQ(a.index_of, b.index_of);
+}
+
+TEST(Palette, a_cancelled_task_ends) {
+  const ColorCounts counts = cube(9);
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  EXPECT_THROW((void)make_palette(counts, 255), Cancelled);
 }
 
 TEST(Palette, of_nothing_is_empty) {

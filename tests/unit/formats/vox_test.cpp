@@ -2,10 +2,13 @@
 #include "tests/unit/formats/vox_reader.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <string>
 
+#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
+#include "server/formats/vox_parts.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {
@@ -247,6 +250,14 @@ TEST(Vox, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   const auto second = test::encode_as(Format::kVox, grid, {});
   ASSERT_TRUE(first && second);
   EXPECT_EQ(*first, *second);
+}
+
+TEST(Vox, a_cancelled_task_ends_within_a_model) {
+  vox::Bytes bytes;
+  const std::vector<vox::Voxel> voxels(8);
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  EXPECT_THROW(vox::add_model(bytes, {}, voxels, {2, 2, 2}), Cancelled);
 }
 
 TEST(Vox, what_the_editor_does_not_show_is_told) {

@@ -140,6 +140,35 @@ TEST(Clip, a_triangle_around_the_box_becomes_the_box) {
       0u);
 }
 
+// The same fan, whatever the order of the corners.
+TEST(Clip, does_not_depend_on_the_order_of_corners) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> uniform(-30.0, 40.0);
+  const auto point = [&] { return glm::dvec3(uniform(random), uniform(random), uniform(random)); };
+  size_t fans = 0;
+  for (int t = 0; t < 2'000; ++t) {
+    const glm::dvec3 a = point(), b = point(), c = point();
+    const auto clipped = [](const std::array<glm::dvec3, 3>& p) {
+      return clip_triangle(p, glm::dvec3(-1), glm::dvec3(9));
+    };
+    const ClipPolygon expected = clipped({a, b, c});
+    const size_t count = expected.count;
+    fans += count > 3 ? 1 : 0;
+    for (const ClipPolygon& turned : {clipped({b, c, a}), clipped({c, a, b})}) {
+      ASSERT_EQ(turned.count, count) << t;
+      for (size_t i = 0; i < count; ++i) {
+        EXPECT_EQ(turned.corners[i].p_grid, expected.corners[i].p_grid) << t;
+      }
+    }
+    const ClipPolygon reversed = clipped({c, b, a});
+    ASSERT_EQ(reversed.count, count) << t;
+    for (size_t i = 0; i < count; ++i) {
+      EXPECT_EQ(reversed.corners[(count - i) % count].p_grid, expected.corners[i].p_grid) << t;
+    }
+  }
+  EXPECT_GT(fans, 20u);
+}
+
 double extent_max(const SnappedMesh& mesh, const SnappedTriangle& triangle) {
   const glm::ivec3 &a = mesh.vertices[triangle.vertices[0]],
                    &b = mesh.vertices[triangle.vertices[1]],

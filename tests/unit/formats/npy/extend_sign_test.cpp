@@ -3,9 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <vector>
+
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -43,6 +46,13 @@ TEST(ExtendSign, inside_and_outside_of_a_sphere_are_told_apart_along_every_axis)
   for (size_t i = 0; i < values.size(); ++i) {
     ASSERT_EQ(values[i], std::clamp(exact[i], -1.0F, 1.0F)) << i;
   }
+}
+
+TEST(ExtendSign, a_cancelled_task_ends) {
+  std::vector<float> values(64, 1.0F);
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  EXPECT_THROW(extend_sign(values, {4, 4, 4}, 2), Cancelled);
 }
 
 }  // namespace
