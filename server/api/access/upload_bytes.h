@@ -1,4 +1,4 @@
-// Bytes of uploads that have not ended.
+// Counts the bytes of unfinished uploads by tenant.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace voxeld::api {
 
-// Such bytes take room on the disk, and no row of the database counts them: without a limit, a
+// The bytes take room on the disk, and no row of the database counts them. Without a limit, a
 // tenant could fill the disk with uploads that each fit into its quota and never end. Thread-safe.
 class UploadBytes {
  public:

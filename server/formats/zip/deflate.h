@@ -66,11 +66,11 @@ class Deflater {
   void find_anywhere(std::span<const uint8_t> bytes);
   void write(size_t only_distance);
 
-  // Of repetitions of one distance.
+  // Blocks whose repetitions have one distance:
   std::vector<Step> steps_;
   size_t step_count_ = 0;
   std::array<uint32_t, kRepeatBytesMax + 1> step_lengths_{};
-  // Of others.
+  // Other blocks:
   std::vector<Token> tokens_;
   std::array<uint32_t, kLiteralCodes> literal_counts_{};
   std::array<uint32_t, kDistanceCodes> distance_counts_{};
