@@ -1,6 +1,7 @@
 #include "server/jobs/retention/retention.h"
 
 #include <algorithm>
+#include <iterator>
 #include <set>
 #include <utility>
 
@@ -16,6 +17,11 @@ constexpr int64_t kBatch = 64;
 // Uses that are remembered between two flushes; more are forgotten, which makes a result a little
 // older than it is.
 constexpr size_t kTouchedMax = 50'000;
+
+// How a result needs the blob $1.
+constexpr std::string_view kUses[] = {"blob = $1", "grid = $1 AND grid <> ''",
+                                      "sequence = $1 AND sequence <> ''",
+                                      "job_id IN (SELECT job_id FROM frames WHERE grid = $1)"};
 
 using Ids = std::vector<std::string>;
 
@@ -103,24 +109,30 @@ Status Retention::flush() {
       it = used_ms_.erase(it);
     }
   }
-  if (used.empty()) return {};
-  return database_.write([&](SqlConnection& connection) -> Status {
-    for (const auto& [id, at_ms] : used) {
-      for (const char* column : {"blob", "grid", "sequence"}) {
-        VOXELD_TRY(connection.run(
-            "UPDATE results SET used_ms = $2 WHERE " + std::string(column) +
-                " = $1 AND expired_ms = 0 AND used_ms < $2" +
-                (column == std::string_view("blob") ? std::string()
-                                                    : " AND " + std::string(column) + " <> ''"),
-            id, at_ms));
+  // Results of equal content have one blob, and there may be thousands of them: several
+  // transactions, see note_ages.
+  size_t done = 0;
+  while (done < used.size() * std::size(kUses)) {
+    size_t reached = done;
+    Status committed = database_.write([&](SqlConnection& connection) -> Status {
+      reached = done;
+      for (int64_t rows = 0; rows < kBatch && reached < used.size() * std::size(kUses);) {
+        const auto& [id, at_ms] = used[reached / std::size(kUses)];
+        const std::string uses(kUses[reached % std::size(kUses)]);
+        VOXELD_TRY(
+            connection.run("UPDATE results SET used_ms = $2 WHERE seq IN (SELECT seq"
+                           " FROM results WHERE expired_ms = 0 AND used_ms < $2 AND " +
+                               uses + " LIMIT $3)",
+                           id, at_ms, kBatch));
+        rows += connection.changes();
+        if (connection.changes() < kBatch) ++reached;
       }
-      VOXELD_TRY(connection.run(
-          "UPDATE results SET used_ms = $2 WHERE expired_ms = 0 AND used_ms < $2 AND job_id IN"
-          " (SELECT job_id FROM frames WHERE grid = $1)",
-          id, at_ms));
-    }
-    return {};
-  });
+      return {};
+    });
+    VOXELD_TRY(committed);
+    done = reached;
+  }
+  return {};
 }
 
 Result<int64_t> Retention::remove(const Ids& ids, std::string_view quarantine_day) {

@@ -124,6 +124,17 @@ TEST_F(RetentionTest, results_expire_by_their_last_use_and_are_gone_then) {
   EXPECT_EQ(retention_.expire_results(1000).value(), 0);
 }
 
+TEST_F(RetentionTest, all_results_of_one_content_are_used_however_many) {
+  constexpr int kEqual = 150;  // in several transactions
+  const std::string blob = made("mesh", "same").result->blob;
+  for (int i = 1; i < kEqual; ++i) made("mesh", "same");
+  made("mesh", "other");
+  ASSERT_TRUE(sql("UPDATE results SET used_ms = 1"));
+  retention_.touch(blob);
+  ASSERT_TRUE(retention_.flush());
+  EXPECT_EQ(count("results WHERE used_ms > 1"), kEqual);
+}
+
 TEST_F(RetentionTest, a_grid_that_a_job_works_on_is_used) {
   const JobStatus old = made("mesh", "old"), used = made("mesh", "used");
   ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
