@@ -116,6 +116,16 @@ std::vector<fs::path> PartStore::of_job(std::string_view job) const {
   return paths;
 }
 
+int64_t PartStore::bytes_before(std::string_view job, int64_t position) const {
+  int64_t bytes = 0;
+  if (!is_plain_name(job)) return bytes;
+  for (const auto& [other, part] : parts_in(folder_ / job)) {
+    struct stat info {};
+    if (other < position && ::stat(part.path.c_str(), &info) == 0) bytes += info.st_size;
+  }
+  return bytes;
+}
+
 std::optional<TilePart> PartStore::with_tile(std::string_view job, int64_t tile) const {
   if (!is_plain_name(job)) return std::nullopt;
   int64_t next = 0, before = 0;

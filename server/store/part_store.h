@@ -33,6 +33,8 @@ class PartStore {
              const std::filesystem::path& file) const;
   // The job's parts from the first one on, up to a missing or damaged one.
   std::vector<std::filesystem::path> of_job(std::string_view job) const;
+  // The bytes of the job's parts before a position.
+  int64_t bytes_before(std::string_view job, int64_t position) const;
   // The part with tile `tile` of the job, counted over all parts; nullopt while there is none. The
   // file may be removed at any time. Its bytes are not compared with their hash.
   std::optional<TilePart> with_tile(std::string_view job, int64_t tile) const;

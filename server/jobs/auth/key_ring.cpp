@@ -47,12 +47,10 @@ bool KeyRing::is_live(std::string_view key_id) const {
 
 int64_t KeyRing::weight_of(std::string_view tenant) const {
   const std::shared_ptr<const Keys> keys = current();
-  const int64_t now_ms = unix_time_ms();
-  int64_t weight = 1;
-  for (const auto& [id, key] : keys->by_id) {
-    if (key->tenant == tenant && key->is_live(now_ms)) weight = std::max(weight, key->weight);
-  }
-  return weight;
+  const auto own = keys->by_tenant.find(tenant);
+  if (own == keys->by_tenant.end()) return 1;
+  const ApiKey* key = newest_live_key(own->second, tenant, unix_time_ms());
+  return key == nullptr ? 1 : key->weight;
 }
 
 std::optional<KeyRing::Holder> KeyRing::holder_of(std::string_view key_id) const {

@@ -42,7 +42,7 @@ class KeyRing {
   // Whether the key of that id would still be admitted.
   bool is_live(std::string_view key_id) const;
 
-  // The largest weight of the tenant's live keys; 1 for who has none.
+  // The weight of the tenant's newest live key; 1 for who has none.
   int64_t weight_of(std::string_view tenant) const;
 
   bool needs_keys() const { return !current()->is_open; }

@@ -23,13 +23,19 @@ constexpr double kSaveSeconds = 30.0;
 // Sorts are made of the options' words; more than these there cannot be.
 constexpr size_t kSortsMax = 1000;
 
-// Frames that the request names; a usual number where it asks for all of an animation.
-double frames_of(const AnimationOptions& animation) {
+// Frames that the request names, or those of its sequence; a usual number where it asks for all of
+// an animation.
+double frames_of(const AnimationOptions& animation, const JobInput& input) {
   constexpr double kUsualFrames = 100;
-  if (!animation.is_sequence()) return 1;
+  if (!animation.is_sequence()) return static_cast<double>(input.frames);
   if (!animation.times_s.empty()) return static_cast<double>(animation.times_s.size());
   if (animation.frames) return (*animation.frames)[1] - (*animation.frames)[0] + 1;
   return kUsualFrames;
+}
+
+double images_of(const RequestOptions& options, const JobInput& input) {
+  if (options.render.turntable > 0) return options.render.turntable;
+  return options.render.image == ImageKind::kPng ? 1 : frames_of(options.animation, input);
 }
 
 std::string voxelize_sort(const VoxelizeOptions& options) {
@@ -74,11 +80,12 @@ JobWork work_of(JobKind kind, const RequestOptions& options, const JobInput& inp
   if (kind == JobKind::kVoxelize) {
     work.sort += voxelize_sort(options.voxelize);
     work.features.side = longest_side(options.voxelize.placement);
-    work.frames = frames_of(options.animation);
+    work.frames = frames_of(options.animation, input);
+  } else if (kind == JobKind::kExport) {
+    work.frames = frames_of(options.animation, input);
   } else if (kind == JobKind::kRender) {
-    const RenderOptions& render = options.render;
-    work.features.side = ray_side(render);
-    work.frames = render.turntable > 0 ? render.turntable : frames_of(options.animation);
+    work.features.side = ray_side(options.render);
+    work.frames = images_of(options, input);
   }
   work.guess = guess_costs(kind, options, input);
   return work;

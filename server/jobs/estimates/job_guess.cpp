@@ -74,6 +74,16 @@ GridCost change_cost(const OutputOptions& output) {
   return cost;
 }
 
+// The side of a cube with as many cells as are written.
+double written_side(const OutputOptions& output, double side) {
+  if (output.region) {
+    const auto& [x0, y0, z0, x1, y1, z1] = *output.region;
+    const double cells = static_cast<double>(x1 - x0) * (y1 - y0) * (z1 - z0);
+    side = std::min(side, std::cbrt(cells));
+  }
+  return std::max(1.0, std::ldexp(side, -output.level));
+}
+
 double total(const GridCost& cost, double side) {
   return cost.area * side * side + cost.volume * side * side * side;
 }
@@ -115,7 +125,9 @@ JobGuess guess_costs(JobKind kind, const RequestOptions& options, const JobInput
   const InputCost of_input = input_cost(input.form);
   JobGuess guess;
   guess.read_seconds = bytes * of_input.read * kNs;
-  guess.work_seconds = kTaskSeconds + bytes * of_input.triangles * kNs;
+  // The views of a turntable are of one grid, which is made once.
+  const double views = kind == JobKind::kRender ? std::max(options.render.turntable, 1) : 1;
+  guess.work_seconds = kTaskSeconds + bytes * of_input.triangles * kNs / views;
   guess.result_bytes = 1000;
   guess.host_bytes = 5e7 + 4 * bytes;
   double side = longest_side(options.voxelize.placement);
@@ -124,18 +136,19 @@ JobGuess guess_costs(JobKind kind, const RequestOptions& options, const JobInput
     side = std::sqrt(bytes);
   } else if (kind != JobKind::kInspect) {
     constexpr double kMeasureSeconds = 0.08, kMeasureNs = 60;  // once, and for each byte
-    guess.work_seconds += total(voxelize_cost(options.voxelize), side) * kNs;
+    guess.work_seconds += total(voxelize_cost(options.voxelize), side) * kNs / views;
     if (options.voxelize.measures())
-      guess.work_seconds += kMeasureSeconds + kMeasureNs * bytes * kNs;
+      guess.work_seconds += (kMeasureSeconds + kMeasureNs * bytes * kNs) / views;
     guess.device_seconds = guess.work_seconds;
     guess.host_bytes += total({20, options.voxelize.has_inside() ? 0.5 : 0.0}, side);
   }
   guess.device_seconds += kDeviceSeconds;
   if (kind == JobKind::kVoxelize || kind == JobKind::kExport) {
     const FormatCost format = format_cost(options.output);
+    const double written = written_side(options.output, side);
     guess.work_seconds +=
-        (total(format.time, side) + total(change_cost(options.output), side)) * kNs;
-    guess.result_bytes += total(format.bytes, side);
+        (total(format.time, written) + total(change_cost(options.output), side)) * kNs;
+    guess.result_bytes += total(format.bytes, written);
   } else if (kind == JobKind::kRender) {
     constexpr double kRayNs = 300, kBytesPerRay = 0.3;
     const double rays = ray_side(options.render) * ray_side(options.render);

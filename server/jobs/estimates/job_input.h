@@ -12,7 +12,8 @@ struct JobInput {
   // kGlb: images and animations beside the triangles. kBinary: other files that are not text.
   enum class Form { kGrid, kBinary, kText, kZip, kGlb };
   Form form = Form::kBinary;
-  int64_t bytes = 0;  // unpacked, of a zip archive
+  int64_t bytes = 0;   // unpacked, of a zip archive; of one frame of a sequence
+  int64_t frames = 1;  // of a stored sequence
 };
 
 // The name of a form, "zip".

@@ -207,12 +207,15 @@ void JobMetrics::claimed(const JobStatus& status) {
 }
 
 void JobMetrics::waited(const std::string& tenant, double seconds) {
-  if (impl_) impl_->queue_wait.Add({{"tenant", tenant}}, seconds_buckets()).Observe(seconds);
+  if (!impl_) return;
+  impl_->queue_wait.Add({{"tenant", impl_->tenant_label(tenant)}}, seconds_buckets())
+      .Observe(seconds);
 }
 
 void JobMetrics::had_slice(const std::string& device, const std::string& tenant, double seconds) {
   if (!impl_) return;
-  impl_->device_seconds.Add({{"device", device}, {"tenant", tenant}}).Increment(seconds);
+  impl_->device_seconds.Add({{"device", device}, {"tenant", impl_->tenant_label(tenant)}})
+      .Increment(seconds);
   impl_->slice_seconds.Add({{"device", device}}, seconds_buckets()).Observe(seconds);
 }
 

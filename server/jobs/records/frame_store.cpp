@@ -132,6 +132,17 @@ Result<SequenceManifest> FrameStore::read_blob(std::string_view id) {
   return parse_sequence({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
+Result<SequenceSize> FrameStore::size_of(std::string_view sequence) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(SqlStatement found,
+                reader->query("SELECT r.frames, (SELECT COALESCE(SUM(f.bytes), 0) FROM frames f"
+                              " WHERE f.job_id = r.job_id) FROM results r WHERE r.sequence = $1"
+                              " AND r.sequence <> '' ORDER BY r.seq DESC LIMIT 1",
+                              sequence));
+  VOXELD_ASSIGN(const bool row, found.step());
+  return row ? SequenceSize{found.int64(0), found.int64(1)} : SequenceSize{};
+}
+
 Result<int64_t> FrameStore::check(std::string_view job, std::string_view sequence) {
   const auto wrong = [](std::string detail, std::string expected, std::string got) {
     return Error{ErrorCode::kInternal, "worker brings a sequence: " + std::move(detail),

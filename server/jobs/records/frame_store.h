@@ -17,6 +17,11 @@
 
 namespace voxeld {
 
+// Frames of a stored sequence, and the bytes of all their grids.
+struct SequenceSize {
+  int64_t frames = 0, bytes = 0;
+};
+
 // Thread-safe; holds no state of its own.
 class FrameStore {
  public:
@@ -38,6 +43,9 @@ class FrameStore {
   Result<SequenceManifest> read(const Caller& caller, std::string_view sequence);
   // The manifest in a stored blob; a live job may read one that was deleted meanwhile.
   Result<SequenceManifest> read_blob(std::string_view id);
+  // Without frames where no finished job has left it. The caller must have checked that it may be
+  // seen.
+  Result<SequenceSize> size_of(std::string_view sequence);
   // Whether a manifest that a worker brings names exactly the frames that its job lists, whose
   // number is returned. Errors: internal.
   Result<int64_t> check(std::string_view job, std::string_view sequence);

@@ -8,6 +8,14 @@
 namespace voxeld {
 namespace {
 
+// For which a job has to work before it is preempted; not positive: it may be.
+double seconds_to_preemption(const StartedJob& job) {
+  const double worked = job.slot_seconds - job.preparation_seconds;
+  const double quantum = std::clamp(kPreemptQuantumShare * job.device_seconds,
+                                    kPreemptQuantumSecondsMin, kPreemptQuantumSecondsMax);
+  return std::max(quantum, kPreemptPreparations * job.preparation_seconds) - worked;
+}
+
 bool contains(const std::vector<size_t>& list, size_t index) {
   return std::find(list.begin(), list.end(), index) != list.end();
 }
@@ -66,7 +74,8 @@ bool is_in_danger(const PreemptionView& view, const QueueHead& head) {
   return left < kDeadlineReserve * view.expected_seconds(head.id) + kDeadlineReserveSeconds;
 }
 
-// The least urgent job of the same tenant that has to be preempted.
+// The least urgent job of the same tenant that has to be preempted. None where the tenant's other
+// jobs keep the head from its slot, which is then the last free one.
 std::optional<size_t> own_victim(const PreemptionView& view, const QueueHead& head) {
   std::optional<size_t> best;
   const bool in_danger = is_in_danger(view, head);
@@ -79,6 +88,10 @@ std::optional<size_t> own_victim(const PreemptionView& view, const QueueHead& he
     if (!stands_back) continue;
     if (!best || least_urgent(view.started[*best]) < least_urgent(job)) best = i;
   }
+  for (size_t i = 0; best && i < view.started.size(); ++i) {
+    const StartedJob& other = view.started[i];
+    if (i != *best && other.tenant == head.tenant && !is_more_urgent(head, other)) best.reset();
+  }
   return best;
 }
 
@@ -86,17 +99,15 @@ std::optional<size_t> own_victim(const PreemptionView& view, const QueueHead& he
 
 bool is_left_out(const PreemptionView& view) {
   const auto stopping = std::ranges::count_if(view.started, [](const StartedJob& job) {
-    return job.is_preemptible || job.slot_seconds < kSoonSeconds;
+    const bool is_preempted_soon =
+        job.is_preemptible && seconds_to_preemption(job) <= kPreemptedSoonSeconds;
+    return is_preempted_soon || job.slot_seconds < kSoonSeconds;
   });
   return without_worker(view).size() > static_cast<size_t>(stopping);
 }
 
 bool may_be_preempted(const StartedJob& job) {
-  if (!job.is_preemptible) return false;
-  const double worked = job.slot_seconds - job.preparation_seconds;
-  const double quantum = std::clamp(kPreemptQuantumShare * job.device_seconds,
-                                    kPreemptQuantumSecondsMin, kPreemptQuantumSecondsMax);
-  return worked >= std::max(quantum, kPreemptPreparations * job.preparation_seconds);
+  return job.is_preemptible && seconds_to_preemption(job) <= 0;
 }
 
 std::vector<size_t> jobs_to_preempt(const PreemptionView& view) {

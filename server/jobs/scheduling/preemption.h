@@ -55,6 +55,8 @@ std::vector<size_t> jobs_to_preempt(const PreemptionView& view);
 
 // A job that cannot be preempted is expected to end soon until it has had its worker for so long.
 inline constexpr double kSoonSeconds = 5;
+// A job that still has to work for longer before it may be preempted counts as one that cannot be.
+inline constexpr double kPreemptedSoonSeconds = 60;
 
 // Whether a tenant waits without a worker, and too few started jobs will give one up soon.
 bool is_left_out(const PreemptionView& view);

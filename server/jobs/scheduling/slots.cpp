@@ -11,11 +11,15 @@ namespace {
 
 bool may_take_last_slot(const QueueHead& head, const std::vector<StartedJob>& started) {
   return std::all_of(started.begin(), started.end(), [&](const StartedJob& job) {
-    return job.tenant != head.tenant || job.priority < head.priority;
+    return job.tenant != head.tenant || is_more_urgent(head, job);
   });
 }
 
 }  // namespace
+
+bool is_more_urgent(const QueueHead& head, const StartedJob& job) {
+  return std::tuple(-head.priority, head.deadline_ms) < std::tuple(-job.priority, job.deadline_ms);
+}
 
 std::optional<size_t> pick_head(const std::vector<QueueHead>& heads, size_t free_slots,
                                 const std::vector<StartedJob>& started,

@@ -37,9 +37,13 @@ struct StartedJob {
   double device_seconds = 0;          // of all attempts
 };
 
+// Whether it is of higher priority or, at equal ones, of an earlier deadline.
+bool is_more_urgent(const QueueHead& head, const StartedJob& job);
+
 // The head of the tenant with the least device time; at equal shares the one that arrived first.
 // The last free slot is reserved for tenants without started jobs on the device, unless the head is
-// more urgent than all started jobs. However many long jobs a tenant has, others find a worker.
+// more urgent than all its tenant's started jobs. However many long jobs a tenant has, others find
+// a worker.
 std::optional<size_t> pick_head(const std::vector<QueueHead>& heads, size_t free_slots,
                                 const std::vector<StartedJob>& started,
                                 const std::function<double(const std::string&)>& share);

@@ -75,7 +75,12 @@ Status Service::let_go(const Result<ResultStore::Ids>& ids) {
 }
 
 JobInput Service::job_input(const std::string& tenant, const std::string& asset,
-                            const std::string& grid) {
+                            const std::string& grid, const std::string& sequence) {
+  if (!sequence.empty()) {
+    const auto size = frames_.size_of(sequence);
+    if (!size || size->frames == 0) return {JobInput::Form::kGrid, 0};
+    return {JobInput::Form::kGrid, size->bytes / size->frames, size->frames};
+  }
   const auto bytes_of = [this](const std::string& id) {
     const auto blob = blobs_.stat(id);
     return blob ? blob->bytes : int64_t{0};
@@ -91,8 +96,9 @@ JobInput Service::job_input(const std::string& tenant, const std::string& asset,
 Result<JobStatus> Service::estimate(const Caller& caller, const JobRequest& request) {
   JobRequest filled = request;
   VOXELD_ASSIGN(const bool cached, jobs_.has_result(caller, filled));
-  JobStatus estimated = forecast_.estimate(caller.tenant(), filled,
-                                           job_input(caller.tenant(), filled.asset, filled.grid));
+  JobStatus estimated =
+      forecast_.estimate(caller.tenant(), filled,
+                         job_input(caller.tenant(), filled.asset, filled.grid, filled.sequence));
   if (!cached) return estimated;
   estimated.cached = true;
   estimated.queue_position = 0;
@@ -193,7 +199,8 @@ void Service::job_submitted(const JobRecord& record, const SubmitOptions& option
 
 // A worker may have taken and ended the job before the forecast knows of it.
 void Service::forecast(JobRecord record) {
-  const JobInput input = job_input(record.asset_tenant, record.status.asset, record.status.grid);
+  const JobStatus& status = record.status;
+  const JobInput input = job_input(record.asset_tenant, status.asset, status.grid, status.sequence);
   while (true) {
     forecast_.changed(record, input);
     if (record.status.ended()) return;

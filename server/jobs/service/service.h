@@ -151,8 +151,9 @@ class Service final : public JobService {
   void job_changed(const JobRecord& record) noexcept;
   void job_ended(const JobRecord& record) noexcept;
   void update_gauges();
-  // The asset with its files, or the grid.
-  JobInput job_input(const std::string& tenant, const std::string& asset, const std::string& grid);
+  // The asset with its files, the grid or the sequence.
+  JobInput job_input(const std::string& tenant, const std::string& asset, const std::string& grid,
+                     const std::string& sequence);
   void forecast_waiting();
   TimeSlicesConfig slices_config();
   // Adds what the database does not know to a status.

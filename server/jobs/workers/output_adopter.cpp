@@ -3,6 +3,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <string>
+#include <system_error>
 #include <utility>
 
 #include "proto/container/grid_directory.h"
@@ -131,10 +134,22 @@ Result<std::optional<BlobInfo>> OutputAdopter::add_frame(const WorkerFiles& file
   return std::optional(std::move(blob));
 }
 
+Status OutputAdopter::check_parts(const TaskPart& part, const fs::path& file) {
+  const int64_t bytes_max = config_.limits.scratch_bytes_max;
+  std::error_code failed;
+  const auto bytes = static_cast<int64_t>(fs::file_size(file, failed));
+  if (failed) return code_error("stat", file, failed);
+  const int64_t all = context_.parts.bytes_before(part.task, part.position) + bytes;
+  if (bytes_max == 0 || all <= bytes_max) return {};
+  return Error{ErrorCode::kStorageFull, "the parts of a job take more than one worker may write",
+               "at most " + std::to_string(bytes_max) + " bytes", std::to_string(all)};
+}
+
 Status OutputAdopter::add_part(const WorkerFiles& files, const TaskPart& part) {
   VOXELD_ASSIGN(const fs::path taken, files.take(part.path));
   const Status kept = [&]() -> Status {
     VOXELD_TRY(context_.disk.for_data());
+    VOXELD_TRY(check_parts(part, taken));
     VOXELD_ASSIGN(const int64_t tiles, tile_count(taken));
     return context_.parts.add(part.task, part.position, tiles, taken);
   }();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
@@ -27,10 +28,12 @@ class OutputAdopter {
   // nullopt as above. Errors: storage-full, quota-exceeded, internal.
   Result<std::optional<BlobInfo>> add_frame(const WorkerFiles& files, const TaskFrame& frame,
                                             int64_t frames_total);
-  // Keeps a part of a grid for the job's next attempt. Errors: storage-full, internal.
+  // Keeps a part of a grid for the job's next attempt. All of a job's parts may take as much as one
+  // worker may write. Errors: storage-full, internal.
   Status add_part(const WorkerFiles& files, const TaskPart& part);
 
  private:
+  Status check_parts(const TaskPart& part, const std::filesystem::path& file);
   // `adopted` keeps them in the store until the database names them.
   Status adopt_outputs(const WorkerFiles& files, const TaskCompletion& completion,
                        std::map<std::string, BlobInfo>& adopted, FinishedTask& finished);

@@ -402,6 +402,10 @@ Status WorkerSession::take_failure(const json& message) {
   if (failure.task.empty()) return take_device_failure(failure.error);
   if (!is_mine(failure.task, failure.fence)) return send({{"fenced", true}});
   const bool is_stopped = failure.error.code == ErrorCode::kCancelled;
+  // The end of its time slices stopped it, and nobody has cancelled it: it is put back.
+  if (is_stopped && context_.stopping && stop_age_seconds() < 0) {
+    return Error{ErrorCode::kGone, "the gateway stops", "", ""};
+  }
   if (is_stopped && context_.parts.board.cancel_age_seconds(failure.task) < 0 &&
       stop_age_seconds() >= 0) {
     failure.error = deadline_error();

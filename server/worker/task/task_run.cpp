@@ -19,13 +19,16 @@ namespace fs = std::filesystem;
 // Warnings listed. A hostile mesh can cause any number of them.
 constexpr size_t kWarningsMax = 100;
 
-// "models/bunny.ply" -> "bunny"; "bundle.zip!a/spot.obj" -> "spot"; "" -> "voxels"
+// "models/bunny.ply" -> "bunny"; "bundle.zip!a/spot.obj" -> "spot"; "" -> "voxels". The name of a
+// result has no control characters (proto/messages/task_fields.h); that of an upload may.
 std::string output_stem(const std::string& filename) {
   const size_t member = filename.rfind('!');
   const std::string name = member == std::string::npos ? filename : filename.substr(member + 1);
   const bool is_bundle = name.ends_with(kBundleExtension);
-  const std::string stem = is_bundle ? name.substr(0, name.size() - kBundleExtension.size())
-                                     : fs::path(name).stem().string();
+  std::string stem = is_bundle ? name.substr(0, name.size() - kBundleExtension.size())
+                               : fs::path(name).stem().string();
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; };
+  std::ranges::replace_if(stem, is_control, '_');
   return stem.empty() ? "voxels" : stem;
 }
 

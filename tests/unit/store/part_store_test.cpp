@@ -93,6 +93,17 @@ TEST_F(PartStoreTest, a_tile_is_found_by_its_number_over_all_parts) {
   EXPECT_EQ(found(3), "none");
 }
 
+TEST_F(PartStoreTest, the_bytes_of_the_parts_that_a_new_one_does_not_replace) {
+  const PartStore store = open();
+  EXPECT_EQ(store.bytes_before("j-1", 7), 0);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(store.add("j-1", i, 1, scratch("abc")).ok());
+  ASSERT_TRUE(store.add("j-2", 0, 1, scratch("somebody else's")).ok());
+  EXPECT_EQ(store.bytes_before("j-1", 3), 9);
+  EXPECT_EQ(store.bytes_before("j-1", 1), 3);
+  EXPECT_EQ(store.bytes_before("j-1", 0), 0);
+  EXPECT_EQ(store.bytes_before("..", 3), 0);
+}
+
 TEST_F(PartStoreTest, the_parts_of_a_job_go_with_it) {
   const PartStore store = open();
   for (const std::string job : {"j-1", "j-2", "j-3"}) {

@@ -118,6 +118,17 @@ TEST_F(ResumeTest, the_bytes_are_those_of_an_uninterrupted_run) {
   }
 }
 
+TEST_F(ResumeTest, the_name_of_a_result_has_no_control_characters) {
+  Task named = task({{"size", 16}});
+  named.filename = "a\nb\x7f.obj";
+  const auto completion = run(named);
+  ASSERT_TRUE(completion) << completion.error().message();
+  ASSERT_FALSE(completion->outputs.empty());
+  for (const TaskOutput& output : completion->outputs) {
+    EXPECT_TRUE(output.filename.starts_with("a_b_.")) << output.filename;
+  }
+}
+
 TEST_F(ResumeTest, parts_of_other_work_are_left_aside) {
   (void)run(task({{"size", 1100}}));
   const std::vector<std::string> others = parts_;

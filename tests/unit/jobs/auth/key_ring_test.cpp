@@ -78,6 +78,22 @@ TEST_F(KeyRingTest, a_key_gives_its_tenant_and_admin_right) {
   EXPECT_TRUE(ring->admit(boss)->caller.sees_all());
 }
 
+TEST_F(KeyRingTest, the_weight_of_a_tenant_is_that_of_its_newest_live_key) {
+  const std::string first = add("lab"), second = add("lab");
+  EXPECT_TRUE(change_keys(dir_.path(), [](KeyList& keys) -> Status {
+    keys[0].weight = 9;
+    keys[1].weight = 3;
+    return {};
+  }));
+  const auto ring = open();
+  EXPECT_EQ(ring->weight_of("lab"), 3);
+  EXPECT_EQ(ring->weight_of("nobody"), 1);
+  revoke(second);
+  EXPECT_EQ(ring->weight_of("lab"), 9);
+  revoke(first);
+  EXPECT_EQ(ring->weight_of("lab"), 1);
+}
+
 TEST_F(KeyRingTest, keys_that_are_wrong_malformed_unknown_or_expired_are_not_admitted) {
   const std::string good = add("lab"), other = add("other");
   const std::string expired = add("lab", false, unix_time_ms() - 1);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
 #include <string>
 
@@ -70,6 +71,21 @@ TEST_F(JobCostsTest, images_cost_by_their_rays) {
   const JobWork many = work_of(JobKind::kRender, options, kInput);
   EXPECT_DOUBLE_EQ(many.features.side, 4 * one.features.side);
   EXPECT_DOUBLE_EQ(many.frames, 360 * one.frames);
+}
+
+TEST_F(JobCostsTest, jobs_cost_by_the_frames_that_they_make) {
+  const JobInput sequence{JobInput::Form::kGrid, 1000, 24};
+  RequestOptions options;
+  EXPECT_EQ(work_of(JobKind::kExport, options, sequence).frames, 24);
+  EXPECT_EQ(work_of(JobKind::kRender, options, sequence).frames, 1) << "a PNG is of one frame";
+  options.render.image = ImageKind::kGif;
+  EXPECT_EQ(work_of(JobKind::kRender, options, sequence).frames, 24);
+  options.animation.frames = std::array{3, 5};
+  EXPECT_EQ(work_of(JobKind::kExport, options, sequence).frames, 3);
+  EXPECT_EQ(work_of(JobKind::kRender, options, sequence).frames, 3);
+  EXPECT_EQ(work_of(JobKind::kRender, options, kInput).frames, 3);
+  options.render.image = ImageKind::kPng;
+  EXPECT_EQ(work_of(JobKind::kRender, options, kInput).frames, 1);
 }
 
 TEST_F(JobCostsTest, solids_cost_by_their_sign) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <string>
 
 #include "server/jobs/estimates/job_input.h"
@@ -77,6 +78,32 @@ TEST(JobGuess, grows_with_what_costs) {
   const JobInput text{Form::kText, 300 << 20}, zip{Form::kZip, 300 << 20};
   EXPECT_DOUBLE_EQ(guess_costs(JobKind::kInspect, {}, text).read_seconds,
                    guess_costs(JobKind::kInspect, {}, zip).read_seconds);
+}
+
+TEST(JobGuess, views_of_a_turntable_share_their_grid) {
+  RequestOptions options;
+  options.voxelize.placement.size = 1024;
+  options.render.width = options.render.height = 16;
+  const JobInput mesh{Form::kBinary, 3 << 20};
+  const JobGuess one = guess_costs(JobKind::kRender, options, mesh);
+  options.render.turntable = 20;
+  const JobGuess view = guess_costs(JobKind::kRender, options, mesh);
+  EXPECT_LT(20 * view.work_seconds, 2 * one.work_seconds);
+  EXPECT_LT(20 * view.device_seconds, 2 * one.device_seconds);
+}
+
+TEST(JobGuess, files_are_as_large_as_the_cells_in_them) {
+  RequestOptions options;
+  options.voxelize.placement.size = 1024;
+  options.output.format = Format::kNpy;
+  const JobInput mesh{Form::kBinary, 3 << 20};
+  const auto bytes = [&] { return guess_costs(JobKind::kVoxelize, options, mesh).result_bytes; };
+  const double whole = bytes();
+  options.output.level = 3;
+  EXPECT_NEAR(bytes(), whole / 512, whole / 5120);
+  options.output.level = 0;
+  options.output.region = std::array{0, 0, 0, 512, 512, 1};
+  EXPECT_NEAR(bytes(), whole / 4096, whole / 40960);
 }
 
 }  // namespace

@@ -80,6 +80,24 @@ TEST(JobMetrics, counters_that_alerts_watch_begin_at_0) {
   }
 }
 
+TEST(JobMetrics, after_200_tenants_there_are_no_more_labels) {
+  auto registry = std::make_shared<prometheus::Registry>();
+  JobMetrics metrics(registry);
+  for (int i = 0; i < 202; ++i) {
+    const std::string tenant = "t" + std::to_string(i);
+    metrics.waited(tenant, 1);
+    metrics.had_slice("cpu", tenant, 1);
+    metrics.used_cpu(tenant, 1);
+  }
+  const std::string text = text_of(*registry);
+  for (const char* line : {"voxeld_queue_wait_seconds_count{tenant=\"(other)\"} 2",
+                           "voxeld_device_seconds_total{device=\"cpu\",tenant=\"(other)\"} 2",
+                           "voxeld_cpu_seconds_total{tenant=\"(other)\"} 2"}) {
+    EXPECT_NE(text.find(line), std::string::npos) << line;
+  }
+  EXPECT_EQ(text.find("\"t200\""), std::string::npos);
+}
+
 TEST(JobMetrics, disk_shows_free_total_and_reserve) {
   auto registry = std::make_shared<prometheus::Registry>();
   JobMetrics metrics(registry);

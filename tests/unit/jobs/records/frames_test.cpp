@@ -295,6 +295,19 @@ TEST_F(FramesTest, a_request_on_a_sequence_is_checked) {
   EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().code, ErrorCode::kInvalidOption);
 }
 
+TEST_F(FramesTest, an_estimate_counts_the_frames_of_a_sequence) {
+  JobRequest one, all;
+  all.sequence = finished().result->sequence;
+  one.grid = sha256_id("a");
+  one.kind = all.kind = JobKind::kRender;
+  all.options.render.image = ImageKind::kGif;
+  const auto image = service_->estimate(Caller::open(), one);
+  const auto series = service_->estimate(Caller::open(), all);
+  ASSERT_TRUE(image && image->estimate && series && series->estimate);
+  const double seconds = series->estimate->seconds;
+  EXPECT_NEAR(seconds, 3 * image->estimate->seconds, seconds / 100);
+}
+
 TEST_F(FramesTest, an_upload_that_is_also_a_frame_or_manifest_stays_when_the_asset_is_deleted) {
   const JobStatus status = finished();
   const auto manifest = blobs().path_of(status.result->sequence);

@@ -118,6 +118,17 @@ TEST_F(Preemption, a_tenant_is_left_out_where_no_job_will_ever_stop) {
   EXPECT_TRUE(is_left_out(view(two, fills)));
 }
 
+TEST_F(Preemption, a_job_that_prepared_for_a_minute_will_not_stop_soon) {
+  std::vector<StartedJob> started = {job("a")};
+  started[0].preparation_seconds = 60;
+  const std::vector<QueueHead> waiting = {head("c", 9)};
+  EXPECT_TRUE(is_left_out(view(waiting, started))) << "it works for ten minutes first";
+  started[0].slot_seconds = 60 + 60 * kPreemptPreparations - kPreemptedSoonSeconds - 1;
+  EXPECT_TRUE(is_left_out(view(waiting, started)));
+  started[0].slot_seconds += 2;
+  EXPECT_FALSE(is_left_out(view(waiting, started)));
+}
+
 TEST_F(Preemption, a_tenant_that_has_several_workers_gives_one_and_loses_nothing) {
   shares_ = {{"a", 5}, {"b", 9}, {"c", 5}};
   const std::vector<StartedJob> started = {job("a", 3, 1), job("a", 0, 2), job("b")};
@@ -138,7 +149,8 @@ TEST_F(Preemption, a_preempted_job_stays_preempted_while_a_tenant_waits) {
 TEST_F(Preemption, within_a_tenant_the_more_urgent_job_has_the_worker) {
   const std::vector<StartedJob> started = {job("a", 0, 1), job("a", -2, 2), job("b", -9, 3)};
   EXPECT_EQ(preempted({head("a", 9, 1)}, started), Indices{1});
-  EXPECT_EQ(preempted({head("a", 9, -1)}, started), Indices{1});
+  EXPECT_EQ(preempted({head("a", 9, -1)}, started), Indices{})
+      << "the other job, which is more urgent, would keep it from the last free worker";
   EXPECT_EQ(preempted({head("a", 9, -2)}, started), Indices{});
   EXPECT_EQ(preempted({head("a", 9, 1), head("c", 10)}, started), Indices{1})
       << "for c: tenants without a worker are first";

@@ -48,6 +48,19 @@ TEST(PickHead,
   EXPECT_EQ(pick({queue_head("a", 1, 0), queue_head("b", 2, 0)}, 1, started, {{"b", 9}}), 1u);
 }
 
+TEST(PickHead, an_earlier_deadline_is_urgent_at_equal_priority) {
+  QueueHead due = queue_head("a", 1, 5);
+  due.deadline_ms = 1000;
+  std::vector<StartedJob> started = {{"a", 0}, {"a", 5}};
+  EXPECT_EQ(pick({due}, 1, started), 0u);
+  started[1].deadline_ms = 1000;
+  EXPECT_EQ(pick({due}, 1, started), std::nullopt);
+  started[1].deadline_ms = 1001;
+  EXPECT_EQ(pick({due}, 1, started), 0u);
+  started[0].priority = 6;
+  EXPECT_EQ(pick({due}, 1, started), std::nullopt);
+}
+
 TEST(PickSlot, the_cache_that_has_the_input_then_the_tenants_last_then_the_first_slot) {
   const IdleSlot fresh0{1, 0, "", {}, 0}, fresh1{2, 1, "", {}, 0};
   EXPECT_EQ(pick_slot({fresh1, fresh0}, "a", "x"), 1u);

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/container/grid_format.h"
 #include "server/jobs/workers/task_server.h"
 #include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
@@ -136,6 +137,25 @@ TEST_F(HostileWorkerTest, parts_that_are_no_containers_do_not_pile_up) {
   ASSERT_TRUE(task);
   for (int i = 0; i < 3; ++i) EXPECT_NE(worker.part(*task, 0, "no container").error, "");
   EXPECT_TRUE(std::filesystem::is_empty(worker.scratch().parent_path() / "taken"));
+}
+
+TEST_F(HostileWorkerTest, parts_of_a_job_take_no_more_than_one_worker_may_write) {
+  limits_.scratch_bytes_max = 250'000;
+  start();
+  submit("mesh");
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  GridHeader header;
+  header.dims = {1, 1, 1};
+  header.voxel_size = {1, 1, 1};
+  header.meta_json = R"({"a":")" + repeated("x", 100'000) + "\"}";
+  const auto bytes = encode_grid(header, {}).value();
+  const std::string container(bytes.begin(), bytes.end());
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(worker.part(*task, i, container).error, "");
+  EXPECT_NE(worker.part(*task, 2, container).error.find("more than one worker may write"),
+            std::string::npos);
+  EXPECT_EQ(worker.part(*task, 1, container).error, "") << "it replaces one";
 }
 
 TEST_F(HostileWorkerTest, meta_of_two_megabytes) {

@@ -2,6 +2,7 @@
 #include "server/jobs/workers/slice_server.h"
 
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,7 +13,10 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
+#include "server/jobs/database/sqlite_database.h"
+#include "server/jobs/workers/worker_session.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -221,6 +225,51 @@ TEST_F(SliceServerTest, an_invalid_message_ends_that_connection_and_its_slice) {
   }
   FakeSlices good = connect_slices();
   EXPECT_TRUE(good.ask(second_).granted);
+}
+
+// A session whose gateway stops when the test says so, with its connection still open: slices say
+// so on theirs before it is closed.
+TEST(StoppingGateway, a_task_that_the_end_of_its_slices_stops_is_put_back) {
+  testing::TemporaryDir dir;
+  BlobStore blobs = BlobStore::open(dir.path()).value();
+  const auto database = SqliteDatabase::open(dir.path() / "jobs.sqlite").value();
+  JobStore jobs(
+      *database, [](std::string_view) { return true; }, [] { return unix_time_ms(); });
+  AssetStore assets(*database, blobs);
+  FrameStore frames(*database, blobs);
+  PartStore parts = PartStore::open(dir.path()).value();
+  JobBoard board;
+  JobMetrics metrics(nullptr);
+  TimeSlices slices{TimeSlicesConfig{}};
+  const TaskServerConfig config{};
+  const TaskServerContext context{jobs,  assets, frames,  blobs,  blobs.disk(),
+                                  parts, board,  metrics, slices, [](const JobRecord&) {}};
+  Dispatcher dispatcher(config, context);
+  OutputAdopter outputs(config, context);
+  std::atomic<bool> is_stopping{false};
+  const UniqueFd listener = listen_unix(dir.path() / "tasks.sock").value();
+  std::thread gateway([&] {
+    UniqueFd connection(::accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC));
+    WorkerSession session(1, std::move(connection), dir.path() / "w1",
+                          {config, context, dispatcher, outputs, is_stopping,
+                           [](const WorkerState&) {}, [](const std::string&) {}});
+    session.run();
+  });
+  auto writer = blobs.begin(100);
+  const std::vector<uint8_t> bytes = {1, 2, 3};
+  EXPECT_TRUE(writer && writer->append(bytes));
+  JobRequest request;
+  request.asset = assets.put(Caller::open(), writer->finish().value(), "a.ply", "", 0).value().id;
+  const auto submitted = jobs.submit(Caller::open(), request, {}, {100, 0});
+  EXPECT_TRUE(submitted);
+  FakeWorker worker(dir.path() / "tasks.sock", "llvmpipe", testing::kPatience);
+  const Task task = worker.claim().value();
+  is_stopping = true;
+  EXPECT_FALSE(worker.fail(task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
+  gateway.join();
+  const JobStatus status = jobs.get(Caller::daemon(), task.id).value().status;
+  EXPECT_EQ(status.state, JobState::kQueued);
+  EXPECT_EQ(status.attempt, 0) << "it does not count";
 }
 
 }  // namespace
