@@ -272,7 +272,7 @@ std::string ClientImpl::send(const Source& source, const ProgressCallback& progr
 }
 
 HttpResponse ClientImpl::post_job(std::string_view kind, const Input& input, const Options& options,
-                                  std::string_view query) {
+                                  std::string_view query, const std::stop_token& stop) {
   Json body = {{"kind", kind}, {"options", Json::object()}};
   if (!input.asset.empty()) body["asset"] = input.asset;
   if (!input.grid.empty()) body["grid"] = input.grid;
@@ -292,13 +292,15 @@ HttpResponse ClientImpl::post_job(std::string_view kind, const Input& input, con
   request.method = "POST";
   request.url = url("/v1/jobs") + std::string(query);
   request.headers = {"Content-Type: application/json"};
+  request.keep_going = [] { return true; };
   // File names need not be UTF-8, but JSON must be.
   const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return call(std::move(request), text);
+  return call(std::move(request), text, stop);
 }
 
-JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Options& options) {
-  return job_info(parse_object(post_job(kind, input, options, "").body));
+JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Options& options,
+                           const std::stop_token& stop) {
+  return job_info(parse_object(post_job(kind, input, options, "", stop).body));
 }
 
 HttpResponse ClientImpl::poll(HttpRequest request, std::chrono::seconds time,
@@ -446,13 +448,13 @@ JobInfo ClientImpl::begin(std::string_view kind, const Source& source, const Opt
     named.set("filename", source.filename());
   }
   try {
-    return submit(kind, Input::of_asset(asset), named);
+    return submit(kind, Input::of_asset(asset), named, stop);
   } catch (const Error& error) {
     // The daemon may have deleted it meanwhile.
     const bool is_gone = error.code() == "gone" || error.code() == "not-found";
     if (known.empty() || !is_gone) throw;
   }
-  return submit(kind, Input::of_asset(send(source, progress, stop)), named);
+  return submit(kind, Input::of_asset(send(source, progress, stop)), named, stop);
 }
 
 JobInfo ClientImpl::finish(JobInfo job, const Sink& sink, const ProgressCallback& progress,

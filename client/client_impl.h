@@ -31,10 +31,12 @@ class ClientImpl {
 
   std::string upload(const Source& source, const ProgressCallback& progress,
                      const std::stop_token& stop);
-  JobInfo submit(std::string_view kind, const Input& input, const Options& options);
-  // POST /v1/jobs with this query.
+  JobInfo submit(std::string_view kind, const Input& input, const Options& options,
+                 const std::stop_token& stop = {});
+  // POST /v1/jobs with this query. A stop ends pauses between tries, but no request: its job could
+  // not be cancelled.
   HttpResponse post_job(std::string_view kind, const Input& input, const Options& options,
-                        std::string_view query);
+                        std::string_view query, const std::stop_token& stop = {});
   // The state of a job when it has ended, in whatever way.
   JobInfo wait_end(std::string_view id, const ProgressCallback& progress,
                    const std::stop_token& stop);

@@ -65,7 +65,8 @@ const JobInfo& Job::wait(const ProgressCallback& progress, const std::stop_token
 }
 
 void Job::cancel() {
-  if (!info_.ended()) info_ = client_->cancel(percent_encode(id()));
+  // A DELETE of a job that has ended would remove its record.
+  if (!poll()) info_ = client_->cancel(percent_encode(id()));
 }
 
 void Job::download(const Sink& sink, const ProgressCallback& progress,

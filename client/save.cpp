@@ -20,11 +20,14 @@ constexpr int kPartNamesMax = 100;  // names that are tried for a part
 class PartFile {
  public:
   explicit PartFile(const std::filesystem::path& path) : path_(path) {
-    // Another thread may write one, and a process of this number may have left one.
-    const std::string part = path.string() + ".part-" + std::to_string(getpid());
-    for (int i = 0; file_ == nullptr && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {
-      part_ = i == 0 ? part : part + "-" + std::to_string(i);
-      file_ = std::fopen(part_.c_str(), "wbx");
+    std::error_code error;
+    const auto status = std::filesystem::status(path, error);
+    // A device or a pipe must not be replaced by a new file.
+    is_kept_ = std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
+    if (is_kept_) {
+      file_ = std::fopen(path.c_str(), "wb");
+    } else {
+      open_part();
     }
     if (file_ == nullptr) fail();
   }
@@ -41,18 +44,32 @@ class PartFile {
   }
   void keep() {
     const int closed = std::fclose(std::exchange(file_, nullptr));
-    if (closed != 0 || std::rename(part_.c_str(), path_.c_str()) != 0) fail();
+    if (closed != 0) fail();
+    if (!is_kept_ && std::rename(part_.c_str(), target_.c_str()) != 0) fail();
     is_kept_ = true;
   }
 
  private:
+  void open_part() {
+    std::error_code error;
+    const std::filesystem::path real = std::filesystem::canonical(path_, error);
+    target_ = error ? path_ : real;
+    // Another thread may write one, and a process of this number may have left one.
+    const std::string part = target_.string() + ".part-" + std::to_string(getpid());
+    for (int i = 0; file_ == nullptr && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {
+      part_ = i == 0 ? part : part + "-" + std::to_string(i);
+      file_ = std::fopen(part_.c_str(), "wbx");
+    }
+  }
   [[noreturn]] void fail() const {
     throw Error("file", 0, path_.string() + ": " + std::strerror(errno));
   }
 
-  std::filesystem::path path_, part_;
+  std::filesystem::path path_;
+  std::filesystem::path target_;  // what path_ leads to
+  std::filesystem::path part_;
   std::FILE* file_ = nullptr;
-  bool is_kept_ = false;
+  bool is_kept_ = false;  // there is no part, or none any more
 };
 
 // The format that the name's extension tells; null if it tells none.
@@ -117,7 +134,7 @@ void Grid::save(const std::filesystem::path& path, const Options& options,
   Options named = options;
   named.set("format", format);
   daemon.finish(
-      daemon.submit("export", Input::of_grid(id()), named),
+      daemon.submit("export", Input::of_grid(id()), named, stop),
       [&](std::span<const std::byte> piece) { file.write(piece); }, progress, stop);
   file.keep();
 }

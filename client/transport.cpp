@@ -186,6 +186,9 @@ HttpResponse Transport::exchange(const HttpRequest& request) {
   if (impl_->timeout.count() > 0) {
     set(curl, CURLOPT_TIMEOUT, static_cast<long>((impl_->timeout + request.held).count()));
   }
+  // A machine that is gone without a word is known to be after some three minutes.
+  set(curl, CURLOPT_TCP_KEEPALIVE, 1L);
+  set(curl, CURLOPT_TCP_KEEPINTVL, 15L);
   set(curl, CURLOPT_WRITEFUNCTION, on_write);
   set(curl, CURLOPT_WRITEDATA, &exchange);
   set(curl, CURLOPT_HEADERFUNCTION, on_header);

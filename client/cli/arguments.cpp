@@ -112,7 +112,7 @@ bool is_mesh_name(const std::string& path) {
   static const std::set<std::string, std::less<>> names = {
       ".obj", ".ply", ".stl",  ".off", ".gltf",   ".glb", ".md5mesh",
       ".3mf", ".zip", ".voxg", ".vox", ".binvox", ".npy", ".nrrd"};
-  return names.contains(std::filesystem::path(path).extension().string());
+  return names.contains(lower_case(std::filesystem::path(path).extension().string()));
 }
 
 // The file that a path leads to, which need not exist.
@@ -130,8 +130,14 @@ void take_inputs(std::vector<std::string> inputs, std::string_view extension,
     arguments.input = inputs.front();
     arguments.beside.assign(inputs.begin() + 1, inputs.end());
     const auto second = std::ranges::find_if(arguments.beside, is_mesh_name);
-    if (second == arguments.beside.end()) return;
-    throw CLI::ValidationError(*second, "is a second mesh; --out-dir DIR makes a file of each");
+    if (second != arguments.beside.end()) {
+      throw CLI::ValidationError(*second, "is a second mesh; --out-dir DIR makes a file of each");
+    }
+    const auto is_output = [&](const std::string& input) {
+      return input != "-" && real_path(input) == real_path(arguments.output);
+    };
+    if (arguments.output.empty() || std::ranges::none_of(inputs, is_output)) return;
+    throw CLI::ValidationError("--output", arguments.output + " is an input and would be lost");
   }
   if (!arguments.output.empty()) throw CLI::ExcludesError("--out-dir", "--output");
   if (inputs.empty()) throw CLI::RequiredError("a mesh file");

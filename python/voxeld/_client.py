@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from . import _decode
 from ._call import Call, CancelToken, ProgressCallback
 from ._errors import Error, NotFound, Unreachable, error
-from ._grid import IMAGES, SEQUENCE_FORMATS, Frame, Grid, Tiles, save_options, write
-from ._image import Image
+from ._grid import IMAGES, SEQUENCE_FORMATS, Frame, Grid, Tiles, save_options
+from ._image import Image, write
 from ._mesh import Asset, File, Mesh, files_of
 from ._server import find_server
 from ._transport import Response, Transport, parse_object
@@ -142,7 +142,7 @@ class Client:
         """The expected cost of voxelize() or animate(), without a job: seconds, device_seconds, result_bytes,
         host_bytes, …"""
         with Call(timeout, cancel, progress) as call:
-            asset, _ = self._upload(call, mesh, str(options.get("filename", "")))
+            asset, _ = self._upload(call, mesh, str(options.get("filename") or ""))
             body = _job_body("voxelize", {"asset": asset.id}, options, asset.filename)
             answer = self._transport.json(call, "POST", "/v1/jobs?dry_run=1", body=json.dumps(body).encode(),
                                           headers={"Content-Type": "application/json"})
@@ -262,7 +262,7 @@ class Client:
                 if response.status != 304:
                     etag = response.headers.get("etag", "")
                     status = parse_object(response, self.url)
-                has_ended = status["state"] in ("done", "failed", "cancelled")
+                has_ended = _has_ended(status)
                 _report(call, status)
                 if has_ended and status["state"] != "done":
                     raise self._job_error(call, status)
@@ -341,6 +341,13 @@ class _JobStream:
     def __repr__(self) -> str:
         return f"<voxeld.{type(self).__name__} {self.job}: {self._status['state']}>"
 
+    def cancel(self) -> None:
+        """Cancels the job. One that has ended stays, and so do frames that are finished."""
+        with contextlib.suppress(Error):
+            status = self._client._transport.json(Call(CANCEL_SECONDS), "GET", f"/v1/jobs/{self.job}")
+            if not _has_ended(status):
+                self._client._cancel(self.job)
+
 
 class Animation(_JobStream):
     """The frames of an animation, which the server makes one after the other.
@@ -380,32 +387,33 @@ class Animation(_JobStream):
     def wait(self) -> Animation:
         """Waits until all frames are done; raises the error of the job."""
         with self._call:
-            self._status = self._client._finish(self._call, self._status)
+            self._done(self._call)
         return self
-
-    def cancel(self) -> None:
-        """Cancels the job. Frames that are finished stay."""
-        self._client._cancel(self.job)
 
     @property
     def meta(self) -> dict[str, Any]:
         """What the server says of the sequence: dims, origin, voxel_size, frames, fps, …; waits for its end."""
-        return dict(self._done()["result"]["meta"])
+        return dict(self.wait()._status["result"]["meta"])
 
     @property
     def warnings(self) -> list[str]:
         """Of the job; waits for its end."""
-        return _warnings(self._done()["result"])
+        return _warnings(self.wait()._status["result"])
 
     @property
     def id(self) -> str:
         """Of the stored sequence; waits for its end."""
-        return str(self._done()["result"]["sequence"])
+        return str(self.wait()._status["result"]["sequence"])
 
-    def _done(self) -> dict[str, Any]:
+    def _done(self, call: Call) -> dict[str, str]:
+        """The sequence. `call` waits for it, as long as the call of animate() has not ended."""
         if self._status["state"] != "done":
-            self.wait()
-        return self._status
+            is_eager = call.progress is not None
+            with contextlib.closing(self._client._watch(call, self.job, is_eager)) as statuses:
+                for self._status in statuses:
+                    if not _has_ended(self._status):
+                        self._call.check()
+        return {"sequence": str(self._status["result"]["sequence"])}
 
     def save(self, path: str | os.PathLike[str], *, timeout: float | None = None, cancel: CancelToken | None = None,
              progress: bool | ProgressCallback | None = None, **options: Unpack[OutputOptions]) -> None:
@@ -418,14 +426,14 @@ class Animation(_JobStream):
             return
         body = save_options(target, SEQUENCE_FORMATS, options)
         with Call(timeout, cancel, progress) as call:
-            write(target, self._client._export(call, {"sequence": self.id}, body))
+            write(target, self._client._export(call, self._done(call), body))
 
     def render(self, *, timeout: float | None = None, cancel: CancelToken | None = None,
                progress: bool | ProgressCallback | None = None, **options: Unpack[SequenceImageOptions]) -> Image:
         """An animated image of all frames: a GIF, which a notebook shows, or image="apng", "sheet" or "png" with
         frame=N. Waits for the end of the job."""
         with Call(timeout, cancel, progress) as call:
-            return self._client._image(call, {"sequence": self.id}, {"image": "gif", **options})
+            return self._client._image(call, self._done(call), {"image": "gif", **options})
 
 
 class TileStream(_JobStream):
@@ -470,10 +478,6 @@ class TileStream(_JobStream):
             self._status = self._client._finish(self._call, self._status)
         return self._client._grid_of(self._status)
 
-    def cancel(self) -> None:
-        """Cancels the job. One that has ended stays."""
-        self._client._cancel(self.job)
-
 
 def _check_one_grid(name: str, options: Mapping[str, Any]) -> None:
     """Refuses the options of several frames."""
@@ -492,6 +496,10 @@ def _job_body(kind: str, source: Mapping[str, str], options: Mapping[str, Any], 
     if filename:
         body["filename"] = filename
     return {**body, "options": values}
+
+
+def _has_ended(status: Mapping[str, Any]) -> bool:
+    return status["state"] in ("done", "failed", "cancelled")
 
 
 def _report(call: Call, status: Mapping[str, Any]) -> None:

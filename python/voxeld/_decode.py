@@ -178,8 +178,11 @@ def read_palette(path: str | os.PathLike[str]) -> list[str]:
     if loaded is None:
         raise error("file", f"no reader of palettes: install {LIBRARY} (package libvoxeld-client0)")
     file = pathlib.Path(path)
-    with file.open("rb") as opened:
-        content = opened.read(PALETTE_BYTES_MAX + 1)  # the library refuses more
+    try:
+        with file.open("rb") as opened:
+            content = opened.read(PALETTE_BYTES_MAX + 1)  # the library refuses more
+    except OSError as failure:
+        raise error("file", f"{path}: {failure.strerror}") from failure
     colors = ctypes.create_string_buffer(3 * PALETTE_COLORS)
     text = ctypes.create_string_buffer(ERROR_BYTES)
     count = loaded.voxeld_palette_read(content, len(content), os.fsencode(file.name), colors, text, ERROR_BYTES)

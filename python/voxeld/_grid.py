@@ -13,7 +13,7 @@ import numpy.typing as npt
 from . import _convert, _decode
 from ._call import Call, CancelToken, ProgressCallback
 from ._errors import error
-from ._image import Image
+from ._image import Image, write
 from .options import GridImageOptions, OutputOptions
 
 if TYPE_CHECKING:
@@ -340,16 +340,3 @@ def save_options(path: pathlib.Path, formats: Mapping[str, list[str]], options: 
     if known and given is not None and given not in known:
         raise error("file", str(path), expected=f"format={' or '.join(known)} by its extension", got=f"format={given}")
     return {**options, "format": given or known[0]}
-
-
-def write(path: pathlib.Path, data: bytes | bytearray) -> None:
-    """Replaces the file by a complete one."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            part.write_bytes(data)
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as failure:
-        raise error("file", f"{path}: {failure.strerror}") from failure

@@ -1,9 +1,11 @@
-"""Images as bytes that a notebook shows."""
+"""Images as bytes that a notebook shows, and files that are written as a whole."""
 from __future__ import annotations
 
 import base64
 import os
 import pathlib
+
+from ._errors import error
 
 
 class Image(bytes):
@@ -20,8 +22,8 @@ class Image(bytes):
         return made
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the bytes as they are."""
-        pathlib.Path(path).write_bytes(self)
+        """Writes the bytes as they are. A file that exists is replaced by the complete one."""
+        write(pathlib.Path(path), self)
 
     def _repr_png_(self) -> bytes | None:
         return bytes(self) if self.media_type in ("image/png", "image/apng") else None
@@ -35,3 +37,20 @@ class Image(bytes):
         return f"<voxeld.Image {self.media_type}, {len(self)} bytes>"
 
     __str__ = __repr__
+
+
+def write(path: pathlib.Path, data: bytes | bytearray) -> None:
+    """Replaces the file by a complete one. A link stays a link to the file; a device or a pipe is written to."""
+    try:
+        if path.exists() and not path.is_file():
+            path.write_bytes(data)
+            return
+        target = path.resolve()
+        part = target.with_name(f".{target.name}.{os.getpid()}.part")
+        try:
+            part.write_bytes(data)
+            os.replace(part, target)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as failure:
+        raise error("file", f"{path}: {failure.strerror}") from failure

@@ -84,14 +84,19 @@ def files_of(mesh: Mesh, filename: str) -> list[File]:
 
 def _path_files(paths: Sequence[Path], filename: str) -> list[File]:
     mesh, *beside = (pathlib.Path(each) for each in paths)
-    files = [path_file(mesh, filename or mesh.name)]
+    files = [path_file(mesh, filename or _utf8(mesh.name))]
     given = {path.name: path for path in beside}
     if len(given) < len(beside) or mesh.name in given:
         raise error("file", f"{[str(path) for path in beside]}: files that are sent together need different names")
     for name in referenced_files(mesh):
         if name not in given:
             files.append(path_file(mesh.parent / name, name))
-    return files + [path_file(path, name) for name, path in given.items()]
+    return files + [path_file(path, _utf8(name)) for name, path in given.items()]
+
+
+def _utf8(name: str) -> str:
+    """A name as URLs and JSON can hold it: in the file system it may be any bytes."""
+    return os.fsencode(name).decode(errors="replace")
 
 
 def _library_mesh(mesh: Any) -> tuple[bytes, str]:

@@ -101,6 +101,9 @@ class CliFiles(DaemonTest):
                           self.dir / "out")
         self.assert_usage(f"{b}: is a second mesh; --out-dir DIR makes a file of each", a, b, "-o",
                           self.dir / "a.vox")
+        upper = self.dir / "B.STL"
+        shutil.copy(b, upper)
+        self.assert_usage(f"{upper}: is a second mesh", a, upper, "-o", self.dir / "a.vox")
         self.assert_usage("stdin has no name", "-", "--out-dir", self.dir / "out")
         self.assertFalse((self.dir / "out").exists())
 
@@ -110,6 +113,8 @@ class CliFiles(DaemonTest):
         (self.dir / "same").symlink_to(self.dir)
         self.assert_usage("is a mesh of this call and would be lost", mesh, "--out-dir", self.dir / "same",
                           "--format", "ply", "--size", 8)
+        self.assert_usage(f"{self.dir}/same/a.ply is an input and would be lost", mesh, "-o",
+                          self.dir / "same/a.ply", "--size", 8)
         self.assertEqual(mesh.read_bytes(), before)
 
     def test_what_fails_around_the_files_of_a_batch_is_told(self):

@@ -201,6 +201,15 @@ class Grids(PythonTest):
         self.assertIn("data:image/gif;base64,R0lG", around._repr_html_())
         around.save(self.dir / "around.gif")
         self.assertEqual((self.dir / "around.gif").read_bytes(), around)
+        (self.dir / "link.gif").symlink_to(self.dir / "around.gif")
+        with unittest.mock.patch.object(os, "replace", side_effect=OSError(28, "No space left on device")):
+            self.problem(voxeld.BadInput, "file", "No space", of=lambda: image.save(self.dir / "link.gif"))
+        self.assertEqual((self.dir / "around.gif").read_bytes(), around)
+        image.save(self.dir / "link.gif")
+        self.assertTrue((self.dir / "link.gif").is_symlink())
+        self.assertEqual((self.dir / "around.gif").read_bytes(), image)
+        self.problem(voxeld.BadInput, "file", "none.gpl: No such file", of=lambda: grid.save(
+            self.dir / "a.vox", palette=self.dir / "none.gpl"))
         direct = self.client.render(self.sample, size=32, azimuth=30, width=96, height=64, occlusion=False)
         self.assertEqual(direct, image)
 

@@ -1,10 +1,14 @@
 """The Python package's HTTP: retries, broken connections, damaged downloads, against servers that follow a script."""
 import asyncio
 import contextlib
+import functools
 import hashlib
 import json
+import os
+import pathlib
 import pickle
 import socket
+import tempfile
 import threading
 import unittest
 import unittest.mock
@@ -284,6 +288,36 @@ class Transport(TransportTest):
         canceller.join()
         self.assertEqual(script.lines()[1:], ["POST /v1/jobs", "POST /v1/jobs", "DELETE /v1/jobs/j-1"])
         self.assertEqual(script.header("Idempotency-Key", 1), script.header("Idempotency-Key", 2))
+
+    def test_the_token_of_a_file_of_frames_ends_its_wait_for_them_and_so_does_that_of_their_job(self):
+        running = {**DONE, "state": "running"}
+        for of_job in (False, True):
+            token = voxeld.CancelToken()
+            script = self.script(json_response({"id": "sha256-a"}, 201), json_response(running, 202),
+                                 *[json_response(running)] * of_job, json_response({}, 202))
+            animation = self.client.animate(b"solid", filename="a.stl", cancel=token if of_job else None)
+            token.cancel()
+            self.raised(voxeld.Cancelled, "interrupted", functools.partial(
+                animation.save, "never.vox", cancel=None if of_job else token))
+            self.assertEqual(script.lines()[2:], ["GET /v1/jobs/j-1"] * of_job + ["DELETE /v1/jobs/j-1"])
+
+    def test_a_job_that_failed_keeps_its_record_when_its_stream_ends(self):
+        failed = {**DONE, "state": "failed"}
+        script = self.script(json_response({"id": "sha256-a"}, 201), json_response({**DONE, "state": "queued"}, 202),
+                             problem(422, "malformed-mesh"), json_response(failed), json_response(failed))
+        stream = self.client.voxelize_tiles(b"solid", filename="a.stl")
+        self.raised(voxeld.BadInput, "malformed-mesh", lambda: list(stream))
+        stream.cancel()
+        self.assertEqual(script.lines()[2:], ["GET /v1/jobs/j-1/tiles?after=0", *["GET /v1/jobs/j-1"] * 2])
+
+    def test_a_name_that_is_no_utf8_is_sent_as_text_that_is(self):
+        script = self.script(json_response({"id": "sha256-a"}, 201), json_response(DONE), json_response(DONE))
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(os.fsdecode(os.fsencode(folder) + b"/b\xe4ume.stl"))
+            path.write_bytes(b"solid")
+            self.client.voxelize(path)
+        self.assertEqual(script.lines()[0], "POST /v1/assets?filename=b%EF%BF%BDume.stl")
+        self.assertEqual(json.loads(script.bodies[1])["filename"], "b\ufffdume.stl")
 
 
 if __name__ == "__main__":

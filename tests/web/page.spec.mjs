@@ -371,6 +371,61 @@ test("a frame that does not come is a problem, and the animation plays on", asyn
   await expect(frame).not.toHaveText(/^7 \//);
 });
 
+test("an animation that plays ends with its mesh, and the next one begins anew", async ({ page }) => {
+  const frame = page.locator("#timeline output");
+  await page.goto(daemon.url);
+  await page.click('.sample:has-text("Worm")');
+  await resize(page, 16);
+  await shown(page, 16);
+  await page.click("#timeline button");
+  await expect(frame).not.toHaveText(/^1 \//);
+  await page.click("#new");
+  await page.click('.sample:has-text("Worm")');
+  await shown(page, 16);
+  await expect(frame).toHaveText(/^1 \/ \d\d/);
+  await expect(page.locator("#timeline button")).toHaveText("Play");
+  await expect(page.locator("#banner")).toBeHidden();
+});
+
+test("of two plays with a pause between them the later one goes on", async ({ page }) => {
+  await page.goto(daemon.url);
+  await page.click('.sample:has-text("Worm")');
+  await resize(page, 16);
+  await shown(page, 16);
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  await page.route("**/frames/*", async route => {
+    await held;
+    await route.continue();
+  });
+  const play = page.locator("#timeline button");
+  const asked = page.waitForRequest("**/frames/*");
+  await play.click();
+  await asked; // the loop waits for a frame
+  await play.click();
+  await play.click();
+  const came = page.waitForResponse("**/frames/*");
+  release();
+  await came;
+  // Of all that waits for the next frame of the screen a loop gives a promise's own function.
+  const most = await page.evaluate(async () => {
+    const original = window.requestAnimationFrame;
+    let asked = 0,
+      most = 0;
+    window.requestAnimationFrame = callback => {
+      if (/native code/.test(String(callback))) most = Math.max(most, ++asked);
+      return original(callback);
+    };
+    for (let i = 0; i < 60; ++i) {
+      await new Promise(original);
+      asked = 0;
+    }
+    window.requestAnimationFrame = original;
+    return most;
+  });
+  expect(most).toBe(1);
+});
+
 test("several files are one mesh, and a missing texture is named and added later", async ({
   page,
 }) => {
@@ -420,6 +475,27 @@ test("of two meshes dropped at once the later one is loaded", async ({ page }) =
   await shown(page, 32);
   expect(sent.filter(body => body.includes("second.off"))).not.toEqual([]);
   expect(sent.filter(body => body.includes("first.obj"))).toEqual([]);
+});
+
+test("a grid that comes after its mesh was left tells nothing", async ({ page }) => {
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  await page.route("**/v1/grids/*", async route => {
+    await held;
+    await route.continue();
+  });
+  await page.goto(daemon.url);
+  const asked = page.waitForRequest("**/v1/grids/*");
+  await drop(page, join(fixtures, "sample.ply"));
+  await asked;
+  await page.click("#new");
+  const came = page.waitForResponse("**/v1/grids/*");
+  release();
+  const url = (await came).url();
+  // The same bytes once more: the page has read its own by then.
+  await page.evaluate(async url => (await (await fetch(url)).blob()).arrayBuffer(), url);
+  await expect(page.locator("#start")).toBeVisible();
+  await expect(page.locator("#facts")).toBeHidden();
 });
 
 test("an upload shows its progress, and a known file is not sent again", async ({ page }) => {
@@ -944,6 +1020,17 @@ test.describe("with keys", () => {
       await page.emulateMedia({ colorScheme, reducedMotion: "reduce" });
       expect(await seriousFindings(page), colorScheme).toEqual([]);
     }
+    // A key whose response is lost is not made twice.
+    const posts = [];
+    await page.route("**/v1/keys", async route => {
+      posts.push(await route.fetch());
+      await route.abort("connectionreset");
+    });
+    await card.getByLabel("Name", { exact: true }).fill("lost");
+    await card.getByRole("button", { name: "Add", exact: true }).click();
+    await expect(page.locator("#banner.problem")).toBeVisible();
+    await page.unroute("**/v1/keys");
+    expect(posts.map(response => response.status())).toEqual([201]);
     await row.getByRole("button", { name: "Revoke" }).click();
     await expect(row).toContainText("revoked");
     await expect(row.getByRole("button")).toHaveCount(0);

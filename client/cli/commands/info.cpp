@@ -11,6 +11,7 @@
 
 #include "client/cli/bundle.h"
 #include "client/cli/commands/job_result.h"
+#include "client/cli/output_name.h"
 #include "client/cli/terminal/human.h"
 #include "client/cli/terminal/progress_bar.h"
 #include "client/cli/terminal/report.h"
@@ -65,6 +66,16 @@ std::string joined(const std::vector<std::string>& names, std::int64_t total) {
 
 // --- grids and sequences
 
+// What `decode` returns. Its errors lack the name of the file, which is no response of a daemon.
+template <typename Decode>
+auto decoded(const std::string& path, Decode&& decode) {
+  try {
+    return decode();
+  } catch (const Error& error) {
+    throw Error("malformed-mesh", 0, path + ": " + error.what());
+  }
+}
+
 // The unit of lengths, that the request gave (`units`); empty: not given.
 std::string unit_of(const std::string& meta_json) {
   const Json meta = parsed(meta_json);
@@ -93,7 +104,7 @@ void add_place(const Voxels& voxels, Table& table) {
 
 void info_of_grid(const Arguments& arguments) {
   const std::vector<std::byte> bytes = read_whole(arguments.input);
-  const client::Grid grid = client::Grid::decode(bytes);
+  const client::Grid grid = decoded(arguments.input, [&] { return client::Grid::decode(bytes); });
   if (arguments.json) {
     print_json({{"dims", grid.dims()},
                 {"origin", grid.origin()},
@@ -116,7 +127,8 @@ void info_of_grid(const Arguments& arguments) {
 void info_of_sequence(const Arguments& arguments) {
   std::vector<std::byte> container = read_whole(arguments.input);
   const size_t bytes = container.size();
-  const auto sequence = client::Sequence::decode(std::move(container));
+  const auto sequence =
+      decoded(arguments.input, [&] { return client::Sequence::decode(std::move(container)); });
   const size_t count = sequence.frame_count();
   if (arguments.json) {
     Json frames = Json::array();
@@ -261,7 +273,7 @@ void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
 }
 
 std::string extension_of(const std::string& path) {
-  return std::filesystem::path(path).extension().string();
+  return lower_case(std::filesystem::path(path).extension().string());
 }
 
 }  // namespace

@@ -130,7 +130,7 @@ void run_remove(const Arguments& arguments) {
       if (!arguments.json && !arguments.quiet) std::printf("%s %s\n", kind.c_str(), id.c_str());
     } catch (const Error& error) {
       if (arguments.ids.size() > 1) {
-        std::fprintf(stderr, "voxel: %s: %s\n", id.c_str(), error.what());
+        std::fprintf(stderr, "voxel: %s: %s\n", id.c_str(), printable(error.what()).c_str());
       }
       if (!first) first = error;
     }

@@ -52,7 +52,7 @@ void watch_queue(const Arguments& arguments, client::Client& daemon, const std::
       received = Clock::now();
       trouble.clear();
     } catch (const client::Error& error) {
-      trouble = error.what();
+      trouble = printable(error.what());
     }
   }
 }

@@ -123,6 +123,7 @@ export class Admin {
           rate: rate.value || undefined,
           bytes: +bytes.value || undefined,
         },
+        isOnce: true,
       });
       const secret = h("input", { readOnly: true, value: key });
       form.reset();
@@ -225,7 +226,7 @@ export class Admin {
           progressOf(job),
           this.#button(
             T.cancel,
-            job.filename ?? job.id,
+            job.filename || job.id,
             () => this.api.request(`/v1/jobs/${job.id}`, { method: "DELETE" }),
             () => this.#showQueue(),
           ),
@@ -300,7 +301,7 @@ export class Admin {
           when(asset.created_ms),
           this.#button(
             T.remove,
-            asset.filename,
+            asset.filename || asset.id,
             () => this.#remove(`/v1/assets/${asset.id}`, asset.filename),
             () => this.#showStorage(),
           ),

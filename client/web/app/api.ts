@@ -28,6 +28,8 @@ export interface Ask {
   readonly isStream?: boolean;
   /** The signal ends waits between tries, but cuts off no request that is under way. */
   readonly isWhole?: boolean;
+  /** It is not repeated when its response is lost: it may have been done. */
+  readonly isOnce?: boolean;
 }
 
 const PAUSES_MS = [400, 800, 1500, 2500]; // before further tries; then the last one again
@@ -80,7 +82,8 @@ export class Api {
 
   /**
    * The response, when it is a good one. Waits while the daemon does not answer or has no room, so
-   * a request must be one that may be repeated. Throws Problem, or AbortError of `signal`.
+   * a request must be one that may be repeated, or `isOnce`. Throws Problem, or AbortError of
+   * `signal`; the browser's error of a lost response if `isOnce`.
    */
   async request(path: string, ask: Ask = {}): Promise<Response> {
     for (const tries = { lost: 0, busy: 0 }; ;) {
@@ -105,7 +108,7 @@ export class Api {
         const body = ask.isStream ? null : await response.blob();
         if (body) response = new Response(body.size ? body : null, response);
       } catch (error) {
-        if (isAbort(error) || ask.signal?.aborted) throw error;
+        if (ask.isOnce || isAbort(error) || ask.signal?.aborted) throw error;
         await this.#waitForDaemon(tries.lost++, ask.signal);
         continue;
       }

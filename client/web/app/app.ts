@@ -406,7 +406,8 @@ export class App {
   }
 
   async #showGrid(job: JobStatus, preview: number): Promise<void> {
-    const meta = job.result?.meta ?? {};
+    const meta = job.result?.meta ?? {},
+      asset = this.#asset;
     const isMoving = !preview && (job.frames_total > 0 || Boolean(job.result?.sequence));
     if (isMoving) {
       const isNew = this.#shownJob !== job.id;
@@ -422,8 +423,9 @@ export class App {
       this.#timeline.show(0, 0, 1);
       if (!this.#stage.path && this.#stage.viewer) this.#showOver(T.fetching);
       await this.#show({ path: `/v1/grids/${job.result?.grid ?? ""}`, meta });
-      this.#showOver("");
     }
+    if (this.#asset !== asset) return; // it is another mesh's turn
+    this.#showOver("");
     this.#showFacts(meta, preview);
   }
 

@@ -16,6 +16,7 @@ export class Timeline {
   #frame = 0;
   #fps = 24;
   #isPlaying = false;
+  #turn = 0; // of playing and pausing
   #isDrawing = false;
   readonly #slider = h("input", {
     type: "range",
@@ -64,7 +65,7 @@ export class Timeline {
     if (this.#isDrawing) return; // the newest follows
     this.#isDrawing = true;
     try {
-      for (let drawn = -1; drawn !== this.#frame;) {
+      for (let drawn = -1; this.#frames && drawn !== this.#frame;) {
         drawn = this.#frame;
         await this.hooks.show(drawn);
       }
@@ -79,15 +80,17 @@ export class Timeline {
   #play(isPlaying: boolean): void {
     if (this.#isPlaying === isPlaying) return;
     this.#isPlaying = isPlaying;
+    ++this.#turn;
     this.#button.textContent = (isPlaying ? T.pause : T.play);
-    if (isPlaying) void this.#run();
+    if (isPlaying) void this.#run(this.#turn);
   }
 
   // Frames that cannot be drawn in time are skipped, so that the animation keeps its rate.
-  async #run(): Promise<void> {
+  async #run(turn: number): Promise<void> {
     let start = performance.now() - (1000 * this.#frame) / this.#fps;
-    while (this.#isPlaying) {
+    for (;;) {
       await new Promise(resolve => requestAnimationFrame(resolve));
+      if (turn !== this.#turn) return;
       const due = Math.floor(((performance.now() - start) / 1000) * this.#fps);
       const frame = due % this.#frames;
       if (due >= this.#frames * 1000) start = performance.now();

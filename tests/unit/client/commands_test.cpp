@@ -189,6 +189,19 @@ TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
   EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
 }
 
+TEST_F(Commands, info_of_a_damaged_container_names_the_file_and_asks_no_daemon) {
+  Arguments info;
+  info.command = Arguments::Command::kInfo;
+  for (const char* name : {"b.voxg", "B.VOXG", "b.voxs"}) {
+    info.input = folder_ / name;
+    std::ofstream(info.input) << "no container";
+    EXPECT_FALSE(needs_server(info)) << name;
+    const client::Error error = error_of([&] { run_command(info, {}); });
+    EXPECT_EQ(exit_status_of(error), kBadInput) << name;
+    EXPECT_THAT(error.what(), ::testing::StartsWith(info.input + ": ")) << name;
+  }
+}
+
 TEST_F(Commands, an_interrupt_while_another_ones_job_is_waited_for_leaves_it_alone) {
   ScriptedServer server(
       {CannedResponse{.status = 304, .delay = test::kTooLate}, job_response("cancelled")});

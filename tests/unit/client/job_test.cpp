@@ -388,6 +388,21 @@ TEST(Cancel, a_stop_ends_the_pause_before_another_try) {
   EXPECT_LT(since(start), 9s) << "the pause";
 }
 
+TEST(Cancel, a_stop_ends_the_pause_before_a_job_is_submitted_again) {
+  ScriptedServer server(
+      {kUploaded, problem_response(503, "queue-full", "full", {"Retry-After: 9"})});
+  Client client(server.url());
+  std::stop_source stop;
+  std::jthread stopper([&] {
+    EXPECT_TRUE(server.is_asked(2));
+    stop.request_stop();
+  });
+  const Error error = error_of(
+      [&] { client.voxelize(Source::memory(bytes_of("x"), "a.ply"), {}, {}, stop.get_token()); });
+  EXPECT_EQ(error.code(), "interrupted");
+  EXPECT_THAT(server.asked(), SizeIs(2));
+}
+
 std::string container_of(int voxels) {
   return tiles_response(voxels, "").body;
 }
@@ -441,7 +456,7 @@ TEST(Job, waits_for_a_time_and_may_go_on_afterwards) {
 
 TEST(Job, a_stopped_wait_leaves_it_to_the_daemon_until_it_is_cancelled) {
   ScriptedServer server({job_response("queued"), job_response("running"), job_response("running"),
-                         job_response("cancelled")});
+                         job_response("running"), job_response("cancelled")});
   Client client(server.url());
   Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
   EXPECT_EQ(error_of([&] { job.wait([](const Progress&) { return false; }); }).code(),
@@ -452,9 +467,18 @@ TEST(Job, a_stopped_wait_leaves_it_to_the_daemon_until_it_is_cancelled) {
   job.cancel();
   job.cancel();  // has ended
   EXPECT_EQ(job.info().state, "cancelled");
-  EXPECT_THAT(server.asked(), SizeIs(4));
+  EXPECT_THAT(server.asked(), SizeIs(5));
   EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
   EXPECT_EQ(error_of([&] { job.wait(); }).code(), "cancelled");
+}
+
+TEST(Job, a_cancel_leaves_the_record_of_one_that_has_ended_meanwhile) {
+  ScriptedServer server({job_response("queued"), job_response("done")});
+  Client client(server.url());
+  Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
+  job.cancel();
+  EXPECT_EQ(job.info().state, "done");
+  EXPECT_THAT(server.lines(), ElementsAre("POST /v1/jobs", "GET /v1/jobs/j-1"));
 }
 
 TEST(Job, a_failure_is_thrown_by_the_result_and_not_by_the_poll) {

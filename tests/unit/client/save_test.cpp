@@ -1,11 +1,13 @@
 // Grids as files: the native container by the library, other formats by the daemon.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <thread>
 
 #include "client/include/voxeld/client.h"
 #include "proto/container/grid_format.h"
@@ -143,6 +145,22 @@ TEST_F(Save, a_stopped_conversion_is_cancelled) {
   EXPECT_EQ(error_of([&] { grid.save(path("a.vox"), {}, stop); }).code(), "interrupted");
   EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
   EXPECT_THAT(names(), IsEmpty());
+}
+
+TEST_F(Save, a_link_stays_one_and_a_pipe_is_written_to) {
+  const Grid grid = Grid::decode(bytes_of(sample_container()));
+  std::ofstream(path("a.voxg")) << "old";
+  std::filesystem::create_symlink(path("a.voxg"), path("link.voxg"));
+  grid.save(path("link.voxg"));
+  ASSERT_TRUE(std::filesystem::is_symlink(path("link.voxg")));
+  EXPECT_EQ(content("a.voxg"), sample_container());
+  ASSERT_EQ(mkfifo(path("pipe.voxg").c_str(), 0600), 0);
+  std::string piped;
+  std::jthread reader([&] { piped = content("pipe.voxg"); });
+  grid.save(path("pipe.voxg"));
+  reader.join();
+  EXPECT_EQ(piped, sample_container());
+  EXPECT_THAT(names(), SizeIs(3));
 }
 
 TEST_F(Save, errors_tell_what_a_file_needs) {
