@@ -32,7 +32,7 @@ class ChildProcess {
   // that called spawn ends (PR_SET_PDEATHSIG): call it from a thread that waits for the child.
   //
   // The child has a process group of its own, so a terminal's Ctrl-C reaches only the daemon. It
-  // starts with no signal blocked and only descriptors 0, 1 and 2 open. Errors: internal (fork). A
+  // starts with no signal blocked and only descriptors 0, 1 and 2 open. Errors: internal. A
   // program that cannot be executed exits with status 127.
   Status spawn(const std::string& executable, const std::vector<std::string>& arguments);
   // Blocks until the child ends and reaps it.

@@ -4,10 +4,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include "server/base/disk/file.h"
 #include "server/base/log.h"
@@ -18,7 +18,7 @@ namespace {
 
 // Remembered results, some 20 MB. When there are more, all are dropped and read again.
 constexpr size_t kRememberedMax = 100'000;
-constexpr size_t kReadBytes = size_t{1} << 20;
+constexpr size_t kReadBytes = size_t{1} << 16;
 
 FileStamp stamp_from(const struct stat& info) {
   constexpr int64_t kNsPerSecond = 1'000'000'000;
@@ -57,7 +57,8 @@ Result<std::pair<std::string, int64_t>> hash_file(int fd, const std::filesystem:
   ::posix_fadvise(fd, 0, 0, POSIX_FADV_SEQUENTIAL);
   Sha256 hash;
   int64_t total = 0;
-  std::vector<uint8_t> buffer(kReadBytes);
+  // A larger one would be new pages from the kernel for each small file.
+  std::array<uint8_t, kReadBytes> buffer;  // NOLINT(cppcoreguidelines-pro-type-member-init)
   while (true) {
     const ssize_t count = ::read(fd, buffer.data(), buffer.size());
     if (count < 0 && errno == EINTR) continue;

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -78,6 +80,32 @@ TEST(ChildProcess, the_child_has_no_signals_blocked_and_no_descriptors_but_the_s
   file >> label >> mask >> descriptors;
   EXPECT_EQ(mask, "0000000000000000");
   EXPECT_LE(descriptors, 4);  // 0, 1, 2 and perhaps the shell's copy of one of them
+}
+
+TEST(ChildProcess, the_memory_of_the_parent_is_not_copied) {
+  constexpr size_t kBytes = size_t{32} << 20;
+  const auto page = static_cast<size_t>(::sysconf(_SC_PAGESIZE));
+  void* mapped =
+      ::mmap(nullptr, kBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  ASSERT_NE(mapped, MAP_FAILED);
+  (void)::madvise(mapped, kBytes, MADV_NOHUGEPAGE);  // fails where there are none
+  const auto write_all = [&] {
+    for (size_t i = 0; i < kBytes; i += page) static_cast<volatile char*>(mapped)[i] = 1;
+  };
+  const auto faults = [] {
+    rusage usage{};
+    ::getrusage(RUSAGE_SELF, &usage);
+    return usage.ru_minflt;
+  };
+  write_all();
+  ChildProcess child;
+  ASSERT_TRUE(child.spawn("/bin/sleep", {"100"}));
+  const auto before = faults();
+  write_all();
+  EXPECT_LT(faults() - before, static_cast<long>(kBytes / page / 2));
+  child.send_signal(SIGKILL);
+  child.wait();
+  ::munmap(mapped, kBytes);
 }
 
 TEST(RunChild, one_that_writes_without_end_is_ended) {
