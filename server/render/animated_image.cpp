@@ -3,33 +3,69 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 
 #include "proto/limits.h"
+#include "proto/options/values.h"
 #include "server/base/check.h"
 #include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
 
-constexpr uint32_t kDurationMax = 65'535;  // both formats store 16 bits
+constexpr double kPartsMax = 65'535.0;  // both formats store 16 bits
+
+// The times that a format stores.
+struct TimeUnits {
+  std::string_view format;
+  std::span<const uint16_t> parts_per_s;  // each divides the first, which is the finest
+  double least;                           // parts of the finest
+};
+constexpr uint16_t kGifUnits[] = {100}, kPngUnits[] = {1000, 100, 10, 1};
+constexpr TimeUnits kGifTimes = {"GIF", kGifUnits, 2};  // programs show shorter ones for 1/10 s
+constexpr TimeUnits kPngTimes = {"PNG", kPngUnits, 1};
+
+// The time in the finest parts that hold it; nullopt: it is too long for all. finest_parts: of the
+// first of the units.
+std::optional<ShownTime> stored_time(const TimeUnits& units, double finest_parts) {
+  const double finest = units.parts_per_s.front();
+  for (const uint16_t parts_per_s : units.parts_per_s) {
+    const double wanted = std::floor(finest_parts * parts_per_s / finest + 0.5);
+    if (wanted <= kPartsMax) {
+      return ShownTime{static_cast<uint16_t>(std::max(wanted, units.least)), parts_per_s};
+    }
+  }
+  return std::nullopt;
+}
 
 }  // namespace
 
-std::vector<uint32_t> whole_durations(const std::vector<double>& durations_s, double parts_per_s,
-                                      uint32_t least) {
-  std::vector<uint32_t> whole;
-  // Times in parts. Rounding the running end, not each duration, keeps the total length right.
+Result<std::vector<ShownTime>> shown_times(ImageKind kind, const std::vector<double>& durations_s) {
+  const TimeUnits& units = kind == ImageKind::kGif ? kGifTimes : kPngTimes;
+  const double finest = units.parts_per_s.front();
+  std::vector<ShownTime> times;
+  // Times in the finest parts. Rounding the running end, not each duration, keeps the total length
+  // right.
   double end = 0.0, shown = 0.0;
   for (const double duration_s : durations_s) {
-    end += std::max(duration_s, 0.0) * parts_per_s;
-    const double wanted = std::floor(end - shown + 0.5);
-    const double taken =
-        std::clamp(wanted, static_cast<double>(least), static_cast<double>(kDurationMax));
-    whole.push_back(static_cast<uint32_t>(taken));
-    shown += taken;
+    end += std::max(duration_s, 0.0) * finest;
+    const std::optional<ShownTime> time = stored_time(units, end - shown);
+    if (!time) {
+      const double coarsest = units.parts_per_s.back();
+      return Error{ErrorCode::kInvalidOption,
+                   "image: image " + std::to_string(times.size()) + " of the " +
+                       std::string(units.format) + " is shown for too long",
+                   "at most " + option_values::to_text(kPartsMax / coarsest) +
+                       " seconds, by rate or by times that are closer together",
+                   option_values::to_text(duration_s) + " seconds"};
+    }
+    times.push_back(*time);
+    shown += finest * time->parts / time->parts_per_s;
   }
-  return whole;
+  return times;
 }
 
 Result<SheetLayout> sheet_layout(size_t count, int columns, int width, int height) {

@@ -27,19 +27,24 @@ class AnimationWriter {
 
 // An animated GIF: up to 256 colours an image, dithered if it has more. GIF has no alpha, so
 // transparent pixels are blended with white. durations_s: display time of each image; at least one.
-// GIF counts in 1/100 s and PNG in 1/1000 s. Rounding errors are carried to the next images, so
-// that the total length is right. Programs show a GIF's images for at least 1/50 s. Errors:
-// internal. Has cancellation points.
+// Programs show a GIF's images for at least 1/50 s. Errors: those of shown_times(), internal. Has
+// cancellation points.
 Result<std::unique_ptr<AnimationWriter>> write_gif(const std::filesystem::path& path,
                                                    const std::vector<double>& durations_s);
 // An animated PNG (W3C PNG, third edition, 11.3.4): streams of encode_png(), each in a frame of its
-// own. Errors: those of encode_png(), internal.
+// own. Errors: those of shown_times() and encode_png(), internal.
 Result<std::unique_ptr<AnimationWriter>> write_apng(const std::filesystem::path& path,
                                                     const std::vector<double>& durations_s);
 
-// Durations in whole fractions of a second, each at least `least`.
-std::vector<uint32_t> whole_durations(const std::vector<double>& durations_s, double parts_per_s,
-                                      uint32_t least);
+// How long an image is shown: parts / parts_per_s seconds.
+struct ShownTime {
+  uint16_t parts = 0, parts_per_s = 1;
+};
+// The durations as files of the kind, kGif or kApng, store them. GIF counts in 1/100 s, PNG in
+// 1/1000 s, and in 1/100, 1/10 or whole seconds where an image is shown for too many of those.
+// Rounding errors are carried to the next images, so that the total length is right. Errors:
+// invalid-option for more than 655.35 s in a GIF, or 65,535 s in a PNG.
+Result<std::vector<ShownTime>> shown_times(ImageKind kind, const std::vector<double>& durations_s);
 
 // The layout of a sheet: images row by row from the top left.
 struct SheetLayout {

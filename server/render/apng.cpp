@@ -23,7 +23,6 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kSignatureBytes = 8, kChunkFrameBytes = 12;
-constexpr uint32_t kApngPartsPerSecond = 1000;
 
 uint32_t read_u32(const uint8_t* at) {
   return uint32_t{at[0]} << 24 | uint32_t{at[1]} << 16 | uint32_t{at[2]} << 8 | uint32_t{at[3]};
@@ -75,18 +74,18 @@ PngParts parts_of(std::span<const uint8_t> png) {
 
 class ApngWriter final : public AnimationWriter {
  public:
-  ApngWriter(UniqueFd fd, std::vector<uint32_t> durations)
-      : fd_(std::move(fd)), durations_(std::move(durations)) {}
+  ApngWriter(UniqueFd fd, std::vector<ShownTime> times)
+      : fd_(std::move(fd)), times_(std::move(times)) {}
 
   Status add(const RenderImage& image) override {
-    VOXELD_CHECK(added_ < durations_.size(), "no more images than were told");
+    VOXELD_CHECK(added_ < times_.size(), "no more images than were told");
     VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(image));
     const PngParts parts = parts_of(png);
     std::vector<uint8_t> out;
     if (added_ == 0) {
       append(out, parts.front);
       std::vector<uint8_t> control;
-      put_u32(control, static_cast<uint32_t>(durations_.size()));
+      put_u32(control, static_cast<uint32_t>(times_.size()));
       put_u32(control, 0);
       put_chunk(out, "acTL", control);
     }
@@ -97,7 +96,7 @@ class ApngWriter final : public AnimationWriter {
   }
 
   Status finish() override {
-    VOXELD_CHECK(added_ == durations_.size(), "as many images as were told");
+    VOXELD_CHECK(added_ == times_.size(), "as many images as were told");
     std::vector<uint8_t> out;
     put_chunk(out, "IEND", {});
     return write_all(fd_.get(), out);
@@ -111,8 +110,8 @@ class ApngWriter final : public AnimationWriter {
     put_u32(control, static_cast<uint32_t>(image.height));
     put_u32(control, 0);
     put_u32(control, 0);
-    put_u16(control, durations_[added_]);
-    put_u16(control, kApngPartsPerSecond);
+    put_u16(control, times_[added_].parts);
+    put_u16(control, times_[added_].parts_per_s);
     // dispose and blend: the next image replaces this one, alpha included.
     control.insert(control.end(), {0, 0});
     put_chunk(out, "fcTL", control);
@@ -128,7 +127,7 @@ class ApngWriter final : public AnimationWriter {
   }
 
   UniqueFd fd_;
-  std::vector<uint32_t> durations_;
+  std::vector<ShownTime> times_;
   size_t added_ = 0;
   uint32_t number_ = 0;  // number of the next fcTL or fdAT
 };
@@ -137,10 +136,11 @@ class ApngWriter final : public AnimationWriter {
 
 Result<std::unique_ptr<AnimationWriter>> write_apng(const std::filesystem::path& path,
                                                     const std::vector<double>& durations_s) {
+  VOXELD_ASSIGN(std::vector<ShownTime> times, shown_times(ImageKind::kApng, durations_s));
   UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   if (!fd.valid()) return errno_error("create", path);
-  return std::unique_ptr<AnimationWriter>(std::make_unique<ApngWriter>(
-      std::move(fd), whole_durations(durations_s, kApngPartsPerSecond, 1)));
+  return std::unique_ptr<AnimationWriter>(
+      std::make_unique<ApngWriter>(std::move(fd), std::move(times)));
 }
 
 }  // namespace voxeld

@@ -8,6 +8,9 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <glm/matrix.hpp>
 #include <limits>
+#include <map>
+
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -40,19 +43,26 @@ glm::dmat4 view_from_world(double azimuth, double elevation, const glm::dvec3& e
   return view;
 }
 
-// Circles through each point around the vertical axis through `center`, as polygons around them.
-// They begin at the camera's azimuth, so that a camera at any azimuth sees the same.
+// Circles through the points around the vertical axis through `center`, as polygons around them.
+// They begin at the camera's azimuth, so that a camera at any azimuth sees the same. The largest
+// circle of a height holds the others, which are left out: the tiles of a large grid have millions
+// of corners at some hundred heights.
 std::vector<glm::dvec3> turned(const std::vector<glm::dvec3>& points, const glm::dvec3& center,
                                double azimuth) {
   constexpr int kCorners = 32;
-  std::vector<glm::dvec3> all;
-  all.reserve(points.size() * kCorners);
+  std::map<double, double> radii;  // by height
   for (const glm::dvec3& p : points) {
-    const double radius =
-        std::hypot(p.x - center.x, p.z - center.z) / std::cos(glm::pi<double>() / kCorners);
+    cancel_point();
+    double& radius = radii[p.y];
+    radius = std::max(radius, std::hypot(p.x - center.x, p.z - center.z));
+  }
+  std::vector<glm::dvec3> all;
+  all.reserve(radii.size() * kCorners);
+  for (const auto& [height, inner_radius] : radii) {
+    const double radius = inner_radius / std::cos(glm::pi<double>() / kCorners);
     for (int i = 0; i < kCorners; ++i) {
       const double angle = azimuth + 2.0 * glm::pi<double>() * i / kCorners;
-      all.emplace_back(center.x + radius * std::sin(angle), p.y,
+      all.emplace_back(center.x + radius * std::sin(angle), height,
                        center.z + radius * std::cos(angle));
     }
   }
@@ -64,6 +74,7 @@ std::vector<glm::dvec3> turned(const std::vector<glm::dvec3>& points, const glm:
 glm::dmat4 fit_to(const std::vector<glm::dvec3>& points, const glm::dmat4& clip_from_world) {
   glm::dvec2 low(std::numeric_limits<double>::max()), high(-low);
   for (const glm::dvec3& p : points) {
+    cancel_point();
     const glm::dvec4 clip = clip_from_world * glm::dvec4(p, 1.0);
     const glm::dvec2 at(clip.x / clip.w, clip.y / clip.w);
     low = glm::min(low, at);

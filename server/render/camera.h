@@ -40,7 +40,7 @@ Subject box_subject(const glm::dvec3& low_world, const glm::dvec3& high_world);
 // around the vertical axis, so that the subject neither moves nor changes its size from view to
 // view. The camera stands where the sphere around the box fills kFieldOfViewDeg; fit and zoom
 // magnify and shift the image. Perspective is therefore the same at every angle, and the camera
-// never enters the subject. A matrix in the options is used unchanged.
+// never enters the subject. A matrix in the options is used unchanged. Has cancellation points.
 Camera make_camera(const RenderOptions& options, const Subject& subject);
 
 // A camera in grid space, as the ray march needs it; see shaders/shared/raymarch.h.

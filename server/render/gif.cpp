@@ -19,9 +19,6 @@
 namespace voxeld {
 namespace {
 
-constexpr double kGifPartsPerSecond = 100.0;
-constexpr uint32_t kLeastParts = 2;  // programs show shorter delays for 1/10 s
-
 // The image over white.
 std::vector<uint8_t> opaque_rgb(const RenderImage& image) {
   std::vector<uint8_t> rgb;
@@ -55,14 +52,14 @@ ColorMap color_map(const std::vector<std::array<uint8_t, 3>>& palette) {
 
 class GifWriter final : public AnimationWriter {
  public:
-  GifWriter(UniqueFd fd, std::vector<uint32_t> durations)
-      : fd_(std::move(fd)), durations_(std::move(durations)) {}
+  GifWriter(UniqueFd fd, std::vector<ShownTime> times)
+      : fd_(std::move(fd)), times_(std::move(times)) {}
   ~GifWriter() override { (void)close(); }
   GifWriter(const GifWriter&) = delete;
   GifWriter& operator=(const GifWriter&) = delete;
 
   Status add(const RenderImage& image) override {
-    VOXELD_CHECK(added_ < durations_.size(), "no more images than were told");
+    VOXELD_CHECK(added_ < times_.size(), "no more images than were told");
     const IndexedImage indexed = reduce_colors(opaque_rgb(image), image.width);
     const ColorMap colors = color_map(indexed.palette);
     if ((gif_ == nullptr && !open(image)) || colors == nullptr || !put_delay() ||
@@ -81,7 +78,7 @@ class GifWriter final : public AnimationWriter {
   }
 
   Status finish() override {
-    VOXELD_CHECK(added_ == durations_.size(), "as many images as were told");
+    VOXELD_CHECK(added_ == times_.size(), "as many images as were told");
     if (!close()) return gif_error();
     return flush();
   }
@@ -115,7 +112,7 @@ class GifWriter final : public AnimationWriter {
   bool put_delay() {
     const GraphicsControlBlock control{.DisposalMode = DISPOSE_DO_NOT,
                                        .UserInputFlag = false,
-                                       .DelayTime = static_cast<int>(durations_[added_]),
+                                       .DelayTime = times_[added_].parts,
                                        .TransparentColor = NO_TRANSPARENT_COLOR};
     std::array<GifByteType, 4> bytes{};
     const size_t count = EGifGCBToExtension(&control, bytes.data());
@@ -142,7 +139,7 @@ class GifWriter final : public AnimationWriter {
   }
 
   UniqueFd fd_;
-  std::vector<uint32_t> durations_;
+  std::vector<ShownTime> times_;
   size_t added_ = 0;
   std::vector<uint8_t> bytes_;  // not yet written
   GifFileType* gif_ = nullptr;  // from the first image on
@@ -153,10 +150,11 @@ class GifWriter final : public AnimationWriter {
 
 Result<std::unique_ptr<AnimationWriter>> write_gif(const std::filesystem::path& path,
                                                    const std::vector<double>& durations_s) {
+  VOXELD_ASSIGN(std::vector<ShownTime> times, shown_times(ImageKind::kGif, durations_s));
   UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   if (!fd.valid()) return errno_error("create", path);
-  return std::unique_ptr<AnimationWriter>(std::make_unique<GifWriter>(
-      std::move(fd), whole_durations(durations_s, kGifPartsPerSecond, kLeastParts)));
+  return std::unique_ptr<AnimationWriter>(
+      std::make_unique<GifWriter>(std::move(fd), std::move(times)));
 }
 
 }  // namespace voxeld

@@ -9,6 +9,7 @@
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 namespace {
@@ -148,7 +149,7 @@ std::vector<glm::ivec3> Rows::corners() const {
 
 // By one coordinate after the other, and each point once.
 void sort_by(std::vector<glm::ivec3>& points, int first, int second, int third) {
-  std::sort(points.begin(), points.end(), [&](const glm::ivec3& a, const glm::ivec3& b) {
+  cancellable_sort(points.begin(), points.end(), [&](const glm::ivec3& a, const glm::ivec3& b) {
     return std::tuple(a[first], a[second], a[third]) < std::tuple(b[first], b[second], b[third]);
   });
   points.erase(std::unique(points.begin(), points.end()), points.end());

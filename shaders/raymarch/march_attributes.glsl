@@ -38,11 +38,13 @@ uint march_run_voxel(VoxelRun run, int i, int taken) {
   return run.first + uint(i * run.count / taken + (i ^ (i >> 1)) % apart);
 }
 
-// The colour in linear light. of_full: the colour of voxels in full nodes.
+// The colour in linear light. of_full: the colour of voxels in full nodes, and so of a block that
+// has no others, whose mean is 0.
 vec3 march_color(March found, vec3 of_full) {
   if (found.part == MARCH_NO_PART) return of_full;
   if (found.level >= 5) {
-    return rgb_of_word(node_word(found.part + uint(RAYMARCH_BLOCK_COLOR)));
+    uint mean = node_word(found.part + uint(RAYMARCH_BLOCK_COLOR));
+    return mean == 0u ? of_full : rgb_of_word(mean);
   }
   uint brick = found.part * uint(RAYMARCH_BRICK_WORDS);
   if (found.level == 3) return rgb_of_word(brick_word(brick + uint(RAYMARCH_BRICK_COLOR)));

@@ -18,7 +18,8 @@
 //   offset            entries
 //   0                 tile_dims.x * tile_dims.y * tile_dims.z, the tiles of the grid
 //   of each tile      8 * 8 * 8, its blocks
-//   of each block     4 * 4 * 4, its bricks; then the means of colour and normal of its voxels
+//   of each block     4 * 4 * 4, its bricks; then the means of colour and normal of its voxels,
+//                     0 if all of these are in full bricks
 //
 // Only tiles and blocks that are neither empty nor full have tables, so memory grows with the
 // occupied bricks, but for 4 bytes per tile.

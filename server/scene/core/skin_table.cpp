@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "proto/thread_pool.h"
+#include "server/base/cancel_point.h"
+#include "server/base/parallel.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/normals.h"
 
@@ -99,6 +101,7 @@ ChunkReport skin_range(const SkinTable& table, const Pose& pose, size_t begin, s
   const auto after = std::upper_bound(firsts.begin(), firsts.end(), begin);
   auto part = static_cast<size_t>(after - firsts.begin()) - 1;
   for (size_t v = begin; v < end; ++v) {
+    cancel_point();
     while (v >= firsts[part + 1]) ++part;
     const MovedVertex vertex = table.is_point_per_influence ? skin_by_influence(table, pose, v)
                                                             : skin_by_vertex(table, pose, v);
@@ -121,7 +124,7 @@ std::vector<ChunkReport> skin_all(const SkinTable& table, const Pose& pose, Fram
   const size_t threads = std::min(ThreadPool::shared().threads(), kThreadsMax);
   const size_t chunks = std::clamp<size_t>(count / kVerticesPerThreadMin, 1, threads);
   std::vector<ChunkReport> reports(chunks);
-  ThreadPool::shared().for_each(chunks, [&](size_t chunk) {
+  parallel_for(chunks, [&](size_t chunk) {
     reports[chunk] =
         skin_range(table, pose, count * chunk / chunks, count * (chunk + 1) / chunks, out);
   });

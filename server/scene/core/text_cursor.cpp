@@ -1,11 +1,14 @@
 #include "server/scene/core/text_cursor.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <limits>
 #include <system_error>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 
 namespace voxeld {
 std::optional<double> parse_number(std::string_view token) {
@@ -58,6 +61,22 @@ std::optional<int64_t> parse_integer(std::string_view token) {
   return static_cast<int64_t>(*number);
 }
 
+namespace {
+
+// The first character from `at` on that `is_skipped` does not hold for, or `end`.
+template <typename IsSkipped>
+const char* skipped(const char* at, const char* end, const IsSkipped& is_skipped) {
+  constexpr ptrdiff_t kPieceBytes = ptrdiff_t{1} << 16;  // between two cancellation points
+  for (;;) {
+    const char* const stop = at + std::min(end - at, kPieceBytes);
+    while (at != stop && is_skipped(*at)) ++at;
+    if (at != stop || at == end) return at;
+    cancel_point();
+  }
+}
+
+}  // namespace
+
 void TextCursor::skip_comment() {
   const void* newline = std::memchr(at_, '\n', bytes_left());
   at_ = newline != nullptr ? static_cast<const char*>(newline) : end_;
@@ -65,9 +84,9 @@ void TextCursor::skip_comment() {
 
 std::string_view TextCursor::take_word() {
   const char* begin = at_;
-  while (at_ != end_ && !is_blank(*at_) && *at_ != '\n' && (comment_ == '\0' || *at_ != comment_)) {
-    ++at_;
-  }
+  at_ = skipped(at_, end_, [this](char c) {
+    return !is_blank(c) && c != '\n' && (comment_ == '\0' || c != comment_);
+  });
   token_line_ = line_;
   return {begin, static_cast<size_t>(at_ - begin)};
 }
@@ -78,8 +97,9 @@ std::string_view TextCursor::token() {
     if (*at_ == '\n') {
       ++line_;
       ++at_;
+      cancel_point_at(bytes_left());
     } else if (is_blank(*at_)) {
-      ++at_;
+      at_ = skipped(at_, end_, is_blank);
     } else if (comment_ != '\0' && *at_ == comment_) {
       skip_comment();
     } else {
@@ -90,7 +110,8 @@ std::string_view TextCursor::token() {
 }
 
 std::string_view TextCursor::token_on_line() {
-  while (at_ != end_ && is_blank(*at_)) ++at_;
+  cancel_point();
+  at_ = skipped(at_, end_, is_blank);
   if (at_ != end_ && comment_ != '\0' && *at_ == comment_) skip_comment();
   if (at_ == end_ || *at_ == '\n') return {};
   return take_word();

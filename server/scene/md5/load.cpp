@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "proto/text/text_file.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/images/textures.h"
@@ -74,6 +75,7 @@ std::vector<glm::dvec3> md5_normals(std::span<const glm::dvec3> positions,
   std::map<Key, glm::dvec3> sums;
   const auto key = [&](uint32_t v) { return Key{positions[v].x, positions[v].y, positions[v].z}; };
   for (size_t i = 0; i + 2 < indices.size(); i += 3) {
+    cancel_point();
     const glm::dvec3 &a = positions[indices[i]], &b = positions[indices[i + 1]],
                      &c = positions[indices[i + 2]];
     const glm::dvec3 area = glm::cross(c - a, b - a);
@@ -82,6 +84,7 @@ std::vector<glm::dvec3> md5_normals(std::span<const glm::dvec3> positions,
   std::vector<glm::dvec3> normals;
   normals.reserve(positions.size());
   for (uint32_t v = 0; v < positions.size(); ++v) {
+    cancel_point();
     const auto found = sums.find(key(v));
     const glm::dvec3 sum = found == sums.end() ? glm::dvec3(0.0) : found->second;
     const double length = glm::length(sum);
@@ -96,12 +99,14 @@ MeshPart md5_mesh_part(const Md5Part& part, const std::vector<Md5Joint>& joints)
   MeshPart out;
   out.name = part.name.empty() ? part.shader : part.name;
   for (size_t v = 0; v < positions.size(); ++v) {
+    cancel_point();
     out.positions.push_back(y_up_from_z_up(positions[v]));
     out.normals.push_back(glm::vec3(y_up_from_z_up(normals[v])));
     out.uvs.push_back(part.vertices[v].uv);
   }
   out.indices.reserve(part.indices.size());
   for (size_t i = 0; i + 2 < part.indices.size(); i += 3) {
+    cancel_point();
     out.indices.insert(out.indices.end(),
                        {part.indices[i], part.indices[i + 2], part.indices[i + 1]});
   }
@@ -132,6 +137,7 @@ Result<Scene> md5_scene(std::string_view name, Md5Mesh& mesh, const Bundle& bund
     scene.meshes.push_back(scene.parts.back().name);
     triangles += part.indices.size() / 3;
     for (const glm::dvec3& position : scene.parts.back().positions) {
+      cancel_point();
       if (is_coordinate(position.x) && is_coordinate(position.y) && is_coordinate(position.z)) {
         continue;
       }

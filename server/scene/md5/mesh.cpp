@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld {
@@ -24,13 +25,17 @@ bool sort_by_number(std::vector<Entry>& entries, const std::vector<uint32_t>& nu
   std::vector<uint8_t> seen(entries.size());
   bool in_order = true;
   for (size_t i = 0; i < numbers.size(); ++i) {
+    cancel_point();
     if (numbers[i] >= entries.size() || seen[numbers[i]] != 0) return false;
     seen[numbers[i]] = 1;
     in_order = in_order && numbers[i] == i;
   }
   if (in_order) return true;
   std::vector<Entry> sorted(entries.size());
-  for (size_t i = 0; i < numbers.size(); ++i) sorted[numbers[i]] = entries[i];
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    cancel_point();
+    sorted[numbers[i]] = entries[i];
+  }
   entries = std::move(sorted);
   return true;
 }
@@ -211,7 +216,10 @@ class Md5MeshReader {
     }));
     part.indices.clear();
     part.indices.reserve(3 * triangles.size());
-    for (const Triangle& t : triangles) part.indices.insert(part.indices.end(), t.begin(), t.end());
+    for (const Triangle& t : triangles) {
+      cancel_point();
+      part.indices.insert(part.indices.end(), t.begin(), t.end());
+    }
     return {};
   }
 
@@ -236,6 +244,7 @@ class Md5MeshReader {
                             index_range(static_cast<int64_t>(there), things), std::to_string(got));
     };
     for (size_t v = 0; v < part.vertices.size(); ++v) {
+      cancel_point();
       const Md5Vertex& vertex = part.vertices[v];
       const uint64_t last = uint64_t{vertex.first_weight} + vertex.weight_count - 1;
       if (last >= part.weights.size()) {
@@ -244,6 +253,7 @@ class Md5MeshReader {
       }
     }
     for (size_t i = 0; i < part.indices.size(); ++i) {
+      cancel_point();
       if (part.indices[i] >= part.vertices.size()) {
         return fail("tri " + std::to_string(i / 3) + " has a vertex that is not there",
                     part.vertices.size(), "vertices", part.indices[i]);
@@ -256,6 +266,7 @@ class Md5MeshReader {
     for (size_t p = 0; p < mesh_.parts.size(); ++p) {
       const std::vector<Md5Weight>& weights = mesh_.parts[p].weights;
       for (size_t w = 0; w < weights.size(); ++w) {
+        cancel_point();
         if (weights[w].joint < mesh_.joints.size()) continue;
         return malformed_mesh(lexer_.name(), "mesh " + std::to_string(p),
                               "weight " + std::to_string(w) + " has a joint that is not there",
@@ -314,6 +325,7 @@ std::vector<glm::dvec3> md5_positions(const Md5Part& part, const std::vector<Md5
   std::vector<glm::dvec3> positions;
   positions.reserve(part.vertices.size());
   for (const Md5Vertex& vertex : part.vertices) {
+    cancel_point();  // vertices may share their weights, so a small file has many of them
     glm::dvec3 sum(0.0);
     for (uint32_t i = 0; i < vertex.weight_count; ++i) {
       const Md5Weight& weight = part.weights[vertex.first_weight + i];

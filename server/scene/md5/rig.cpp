@@ -7,6 +7,7 @@
 
 #include "proto/file_names/file_names.h"
 #include "proto/text/text_file.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/md5/load.h"
@@ -32,6 +33,7 @@ Status add_part(std::string_view name, const Md5Mesh& mesh, const Md5Part& part,
   const std::vector<glm::dvec3> normals =
       md5_normals(md5_positions(part, mesh.joints), part.indices);
   for (size_t v = 0; v < part.vertices.size(); ++v) {
+    cancel_point();
     const Md5Vertex& vertex = part.vertices[v];
     influence_count += vertex.weight_count;
     if (influence_count > kSkinInfluencesMax) {

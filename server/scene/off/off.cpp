@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "proto/text/text_file.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
@@ -50,6 +51,7 @@ std::vector<glm::vec4> OffColors::linear(size_t count) const {
   std::vector<glm::vec4> out;
   out.reserve(count);
   for (const OffColor& color : colors_) {
+    cancel_point();
     if (color.kind == OffColor::kNone) {
       out.emplace_back(1.0f);
       continue;

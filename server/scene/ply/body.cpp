@@ -261,7 +261,10 @@ class PlyBodyReader {
   void decode_colors(std::string_view of, const Roles& roles, std::vector<glm::vec4>& colors) {
     if (colors.empty()) return;
     glm::vec4 max(0.0f);
-    for (const glm::vec4& color : colors) max = glm::max(max, color);  // without NaN
+    for (const glm::vec4& color : colors) {
+      cancel_point();
+      max = glm::max(max, color);  // without NaN
+    }
     const ColorRange rgb(roles.types[roles.has_rgb() ? kRed : kGrey],
                          std::max({max.x, max.y, max.z}));
     const ColorRange alpha(roles.types[kAlpha], max.w);
@@ -271,6 +274,7 @@ class PlyBodyReader {
     mesh_.is_alpha_dropped = mesh_.is_alpha_dropped || has_alpha != roles.given[kAlpha];
     if (has_alpha && alpha.full() != rgb.full()) warn_of_range(of, "alpha", alpha);
     for (glm::vec4& color : colors) {
+      cancel_point();
       const float a = has_alpha ? unit_clamped(color.w * (1.0f / alpha.full())) : 1.0f;
       color = {rgb.linear(color.x), rgb.linear(color.y), rgb.linear(color.z), a};
     }

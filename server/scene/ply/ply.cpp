@@ -6,6 +6,7 @@
 
 #include <glm/geometric.hpp>
 
+#include "server/base/cancel_point.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/polygon_sink.h"
 #include "server/scene/images/textures.h"
@@ -23,6 +24,7 @@ glm::vec2 texel_uv(const glm::vec2& uv) {
 // Normalizes. Returns none if one has no direction: a partial set would light wrongly.
 std::vector<glm::vec3> unit_normals(std::vector<glm::vec3> normals) {
   for (glm::vec3& n : normals) {
+    cancel_point();
     const float square = glm::dot(n, n);
     if (!(square > 0.0f && square < 1e30f)) return {};
     n = glm::normalize(n);
@@ -43,7 +45,10 @@ Result<MeshPart> shared_part(std::string_view name, PlyMesh& mesh, TriangleData&
   part.normals = unit_normals(std::move(mesh.normals));
   part.colors = std::move(mesh.colors);
   part.uvs = std::move(mesh.uvs);
-  for (glm::vec2& uv : part.uvs) uv = texel_uv(uv);
+  for (glm::vec2& uv : part.uvs) {
+    cancel_point();
+    uv = texel_uv(uv);
+  }
   PolygonSink sink(name);
   std::vector<uint32_t> local;
   size_t first = 0;
@@ -73,6 +78,7 @@ std::vector<MeshPart> split_by_texture(MeshPart part, const std::vector<int>& te
   std::vector<MeshPart> parts;
   std::map<int, size_t> part_of_texture;
   for (size_t i = 0; i < textures.size(); ++i) {
+    cancel_point();
     const int texture = textures[i] < static_cast<int>(texture_count) ? textures[i] : 0;
     const auto [found, is_new] = part_of_texture.try_emplace(texture, parts.size());
     if (is_new) parts.emplace_back().material = texture;

@@ -199,6 +199,7 @@ class PackageLoader {
     std::vector<glm::dvec3> positions;
     positions.reserve(object.vertices.size());
     for (const glm::dvec3& p : object.vertices) {
+      cancel_point();
       positions.emplace_back(world_from_object * glm::dvec4(p, 1.0));
       const glm::dvec3& q = positions.back();
       if (is_coordinate(q.x) && is_coordinate(q.y) && is_coordinate(q.z)) continue;

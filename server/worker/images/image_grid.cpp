@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/base/sha256.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/level.h"
@@ -189,6 +190,7 @@ class Finder {
     if (render.matrix) return {};
     Subject subject{world(box.min), world(box.max), {}};
     for (const TileCoord& coord : touched.coords()) {
+      cancel_point();
       CellBox cells = cells_of(coord, spec);
       cells = {glm::max(cells.min, box.min), glm::min(cells.max, box.max)};
       const Subject tile = box_subject(world(cells.min), world(cells.max));
@@ -230,13 +232,15 @@ class Finder {
     return cache.image;
   }
 
-  // The cache key of these tiles at a level. `level` is the one tried first.
+  // The cache key of these tiles at a level. `level` is the one tried first. What fits depends on
+  // the renderer, too.
   std::string part_key(const TileSource& seen, int level) const {
     Sha256 hash;
     for (const TileCoord& coord : seen.coords()) {
       hash.update(std::to_string(coord_order(coord)) + " ");
     }
     json name = {{"grid", source_key_}, {"tiles", hash.finish_id()}, {"level", level}};
+    name["table_bytes_max"] = limits_.table_bytes_max;
     name["rule"] = static_cast<int>(options_.output.level_rule);
     name["alpha"] = static_cast<int>(options_.output.alpha);
     if (options_.output.region) name["region"] = *options_.output.region;

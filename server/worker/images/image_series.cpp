@@ -135,6 +135,20 @@ ImageSeries turntable_series(TaskRun& run, const std::filesystem::path& containe
           }};
 }
 
+std::vector<double> image_durations(const std::vector<double>& times_s, double fps,
+                                    const RenderOptions& options) {
+  return shown_durations(frame_durations(times_s, fps), options.rate);
+}
+
+Status check_series(const std::vector<double>& durations_s, const RenderOptions& options) {
+  if (options.image == ImageKind::kSheet) {
+    VOXELD_TRY(sheet_layout(durations_s.size(), options.columns, options.width, options.height));
+  } else {
+    VOXELD_TRY(shown_times(options.image, durations_s));
+  }
+  return {};
+}
+
 RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options) {
   RenderOptions render = options.render;
   const auto region = region_at_level(spec, options.output, 0);
@@ -153,7 +167,7 @@ ImageSeries frame_series(TaskRun& run, const MadeSequence& sequence,
   for (const SequenceFrame& frame : sequence.manifest.frames) times_s.push_back(frame.time_s);
   RequestOptions seen = options;
   seen.render = frame_camera(sequence_spec(sequence.manifest), options);
-  return {shown_durations(frame_durations(times_s, sequence.manifest.fps), options.render.rate),
+  return {image_durations(times_s, sequence.manifest.fps, options.render),
           [&run, &sequence, seen](size_t index) -> Result<RenderImage> {
             VOXELD_TRY(run.monitor.check());
             const std::string& key = sequence.manifest.frames[index].grid;

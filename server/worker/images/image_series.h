@@ -36,6 +36,14 @@ struct ImageSeries {
 Result<RenderImage> take_image(TaskRun& run, const DrawnInput& input, const std::string& key,
                                const RequestOptions& options);
 
+// How long the images of frames are shown, in seconds: at the request's rate, or by the times of
+// the frames. fps: as in frame_durations().
+std::vector<double> image_durations(const std::vector<double>& times_s, double fps,
+                                    const RenderOptions& options);
+// Whether images that are shown so long make a file of the request's kind. Errors: invalid-option
+// for a sheet that is too large, or an image that is shown for too long.
+Status check_series(const std::vector<double>& durations_s, const RenderOptions& options);
+
 // Views from options.render.turntable sides of the grid.
 ImageSeries turntable_series(TaskRun& run, const std::filesystem::path& container,
                              const std::string& key, const RequestOptions& options);
@@ -48,7 +56,7 @@ RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options);
 // Lists one image as the result.
 Status write_image(TaskRun& run, const RenderImage& image);
 // Takes all images and lists them as the result, in the request's kind. Each is encoded while the
-// next one is drawn. Errors: those of the images; invalid-option for a sheet that is too large.
+// next one is drawn. Errors: those of the images and of check_series().
 Status write_series(TaskRun& run, const ImageSeries& series, const RenderOptions& options);
 
 }  // namespace voxeld

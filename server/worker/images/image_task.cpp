@@ -5,7 +5,6 @@
 
 #include "proto/text/number_text.h"
 #include "server/formats/formats.h"
-#include "server/render/animated_image.h"
 #include "server/voxel/frames/shared_frames.h"
 #include "server/worker/frames/container_frames.h"
 #include "server/worker/frames/frame_times.h"
@@ -141,10 +140,8 @@ Status render_moment(TaskRun& run, const RequestOptions& options) {
 // asset -> sequence -> images of its frames
 Status render_frames(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(Clip clip, open_clip(run, options));
-  if (options.render.image == ImageKind::kSheet) {
-    VOXELD_TRY(sheet_layout(clip.times.times_s.size(), options.render.columns, options.render.width,
-                            options.render.height));
-  }
+  VOXELD_TRY(check_series(image_durations(clip.times.times_s, clip.times.fps, options.render),
+                          options.render));
   run.engine.cache.grid.reset();
   VOXELD_ASSIGN(const MadeSequence made, make_frames(run, clip, options));
   return write_series(run, frame_series(run, made, options), options.render);

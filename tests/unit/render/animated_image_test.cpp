@@ -96,16 +96,58 @@ TEST(Apng, chunks_are_numbered_and_each_image_is_the_stream_of_its_own_png) {
   }
 }
 
-TEST(Durations, rounding_is_passed_on_so_that_the_whole_keeps_its_length) {
-  const auto parts = whole_durations(std::vector<double>(24, 1.0 / 24), 100, 2);
+TEST(Apng, an_image_that_is_shown_for_long_has_coarser_parts) {
+  const testing::TemporaryDir dir;
+  const auto path = dir.path() / "long.png";
+  write_all_to(write_apng(path, {0.04, 70.0, 0.04, 7000.5}));
+  const auto bytes = read_file(path);
+  ASSERT_TRUE(bytes.ok());
+  std::vector<std::pair<uint32_t, uint32_t>> delays;
+  for (const auto& [type, data] : chunks_of(*bytes)) {
+    if (type == "fcTL") delays.emplace_back(big_endian(data, 20, 2), big_endian(data, 22, 2));
+  }
+  EXPECT_EQ(delays, (std::vector<std::pair<uint32_t, uint32_t>>{
+                        {40, 1000}, {7000, 100}, {40, 1000}, {7001, 1}}));
+}
+
+std::vector<uint32_t> gif_parts(const std::vector<double>& durations_s) {
+  std::vector<uint32_t> parts;
+  const auto times = shown_times(ImageKind::kGif, durations_s);
+  EXPECT_TRUE(times.ok());
+  for (const ShownTime& time : *times) {
+    EXPECT_EQ(time.parts_per_s, 100);
+    parts.push_back(time.parts);
+  }
+  return parts;
+}
+
+TEST(ShownTimes, rounding_is_passed_on_so_that_the_whole_keeps_its_length) {
+  const auto parts = gif_parts(std::vector<double>(24, 1.0 / 24));
   uint32_t sum = 0;
   for (const uint32_t part : parts) {
     EXPECT_TRUE(part == 4 || part == 5) << part;
     sum += part;
   }
   EXPECT_EQ(sum, 100u);
-  EXPECT_EQ(whole_durations({0.001, 0.0}, 100, 2), (std::vector<uint32_t>{2, 2}));
-  EXPECT_EQ(whole_durations({1e9}, 1000, 1), (std::vector<uint32_t>{65'535}));
+  EXPECT_EQ(gif_parts({0.001, 0.0}), (std::vector<uint32_t>{2, 2}));
+  EXPECT_EQ(gif_parts({655.35}), (std::vector<uint32_t>{65'535}));
+}
+
+TEST(ShownTimes, an_image_that_a_file_cannot_show_for_so_long_is_refused) {
+  const auto message = [](ImageKind kind, double second_s) {
+    const auto times = shown_times(kind, {0.5, second_s});
+    EXPECT_EQ(times.error().code, ErrorCode::kInvalidOption);
+    return times.error().message();
+  };
+  EXPECT_EQ(message(ImageKind::kGif, 700),
+            "image: image 1 of the GIF is shown for too long: expected at most 655.35 seconds, by "
+            "rate or by times that are closer together, got 700 seconds");
+  EXPECT_EQ(message(ImageKind::kApng, 86'400),
+            "image: image 1 of the PNG is shown for too long: expected at most 65535 seconds, by "
+            "rate or by times that are closer together, got 86400 seconds");
+  const testing::TemporaryDir dir;
+  EXPECT_FALSE(write_gif(dir.path() / "long.gif", {700}).ok());
+  EXPECT_FALSE(write_apng(dir.path() / "long.png", {86'400}).ok());
 }
 
 TEST(Sheet, images_stand_row_by_row_on_the_background) {

@@ -10,6 +10,8 @@
 #include <random>
 #include <vector>
 
+#include "tests/unit/base/points_passed.h"
+
 namespace voxeld {
 namespace {
 
@@ -55,6 +57,29 @@ TEST(Camera, azimuth_0_looks_along_minus_z_with_x_to_the_right_and_y_up) {
     EXPECT_GT(project(camera, {0, 0.5, 0}).y, 0.1);
     EXPECT_LT(project(camera, {0, 0, 0.9}).z, project(camera, {0, 0, -0.9}).z);
   }
+}
+
+TEST(Camera, each_point_of_a_subject_can_be_cancelled) {
+  RenderOptions options = options_of(Projection::kPerspective, 0, 0);
+  EXPECT_GE(test::points_passed([&] { (void)make_camera(options, cube()); }), 8);
+  options.turntable = 12;
+  EXPECT_GE(test::points_passed([&] { (void)make_camera(options, cube()); }), 8);
+}
+
+TEST(Camera, a_turntable_looks_at_the_widest_point_of_each_height_alone) {
+  Subject subject = cube();
+  for (int i = 0; i < 1000; ++i) {
+    const double at = 0.001 * i;
+    subject.points_world.emplace_back(at, i % 2 == 0 ? 1 : -1, -at);
+  }
+  RenderOptions options = options_of(Projection::kPerspective, 30, 20);
+  options.turntable = 12;
+  const size_t count = subject.points_world.size();
+  // One for each point, and 32 for each of the two heights.
+  EXPECT_LE(test::points_passed([&] { (void)make_camera(options, subject); }),
+            static_cast<int>(count) + 2 * 32);
+  EXPECT_EQ(row_major(make_camera(options, subject).clip_from_world),
+            row_major(make_camera(options, cube()).clip_from_world));
 }
 
 TEST(Camera, azimuth_90_looks_from_plus_x_and_elevation_90_from_above) {

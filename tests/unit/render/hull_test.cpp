@@ -11,6 +11,7 @@
 #include <random>
 
 #include "proto/limits.h"
+#include "tests/unit/base/points_passed.h"
 
 namespace voxeld {
 namespace {
@@ -120,6 +121,16 @@ TEST(Hull, of_one_voxel_is_a_cube_and_of_none_is_empty) {
   EXPECT_EQ(hull.size(), 8u);
   EXPECT_EQ(furthest(hull, {1, 1, 1}), 3.0);
   EXPECT_EQ(furthest(hull, {-1, -1, -1}), 0.0);
+}
+
+TEST(Hull, sorting_can_be_cancelled) {
+  Grid grid;
+  grid.spec.dims = glm::ivec3(64);
+  SparseTile tile;
+  tile.full = {{0, 3}};
+  grid.tiles = {tile};
+  // One for the node, and one for each comparison of the 64 slices' corners.
+  EXPECT_GE(test::points_passed([&] { (void)hull_points(grid); }), 512);
 }
 
 }  // namespace

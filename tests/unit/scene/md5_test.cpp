@@ -5,6 +5,7 @@
 #include "server/scene/md5/animation.h"
 #include "server/scene/md5/load.h"
 #include "server/scene/md5/materials.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene/zip_maker.h"
 
@@ -50,6 +51,15 @@ TEST(Md5Mesh, vertices_are_weighted_places_in_turned_joints) {
   expect_near(positions.at(0), {1, 0, 0});
   expect_near(positions.at(1), {0, -1, 2});
   expect_near(positions.at(2), glm::dvec3(0, 4, 0) * 0.25 + glm::dvec3(4, 0, 2) * 0.75);
+}
+
+TEST(Md5Mesh, each_vertex_and_triangle_can_be_cancelled) {
+  const auto mesh = parse_md5_mesh("a.md5mesh", mesh_file(kMd5Triangle));
+  ASSERT_TRUE(mesh) << mesh.error().message();
+  const Md5Part& part = mesh->parts.at(0);
+  const auto positions = md5_positions(part, mesh->joints);
+  EXPECT_GE(test::points_passed([&] { (void)md5_positions(part, mesh->joints); }), 3);
+  EXPECT_GE(test::points_passed([&] { (void)md5_normals(positions, part.indices); }), 1 + 3);
 }
 
 TEST(Md5Mesh, comments_blanks_and_quotes_are_taken_as_the_game_takes_them) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/scene/scene_test_util.h"
 
 namespace voxeld {
@@ -465,6 +466,32 @@ TEST(Ply, an_alpha_that_is_0_everywhere_is_none) {
                 testing::Contains("assumed-opaque: a.ply: alpha is 0 everywhere; the colours are "
                                   "taken as opaque"));
   }
+}
+
+// A binary triangle whose vertices have three more floats of these names.
+std::string with_floats(std::string_view a, std::string_view b, std::string_view c) {
+  std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n";
+  header += kXyz;
+  for (const std::string_view name : {a, b, c}) {
+    header += "property float " + std::string(name) + "\n";
+  }
+  ByteWriter w(false);
+  w.text(header + "element face 1\n" + kFaces + "end_header\n");
+  for (int i = 0; i < 3; ++i) {
+    w.add(i == 1 ? 1.0f : 0.0f).add(i == 2 ? 1.0f : 0.0f).add(0.0f);
+    w.add(0.5f).add(0.25f).add(0.125f);
+  }
+  w.add(uint8_t{3}).add(int32_t{0}).add(int32_t{1}).add(int32_t{2});
+  return w.bytes();
+}
+
+TEST(Ply, each_colour_and_normal_can_be_cancelled) {
+  const auto points = [](const std::string& file) {
+    return test::points_passed([&] { EXPECT_TRUE(load_text("a.ply", file).ok()); });
+  };
+  const int plain = points(with_floats("i", "j", "k"));
+  EXPECT_GE(points(with_floats("red", "green", "blue")), plain + 2 * 3);
+  EXPECT_GE(points(with_floats("nx", "ny", "nz")), plain + 3);
 }
 
 }  // namespace

@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+
+#include "tests/unit/base/points_passed.h"
 
 namespace voxeld {
 namespace {
@@ -67,6 +70,15 @@ TEST(TextCursor, an_empty_text_has_no_words) {
   EXPECT_EQ(cursor.token(), "");
   EXPECT_EQ(cursor.token_on_line(), "");
   EXPECT_EQ(cursor.rest_of_line(), "");
+}
+
+TEST(TextCursor, blanks_lines_and_words_of_a_mebibyte_can_be_cancelled) {
+  for (const char c : {' ', '\n', 'x'}) {
+    const std::string text(size_t{1} << 20, c);
+    EXPECT_GE(test::points_passed([&] { (void)TextCursor(text).token(); }), 15) << c;
+    if (c == '\n') continue;
+    EXPECT_GE(test::points_passed([&] { (void)TextCursor(text).token_on_line(); }), 15) << c;
+  }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "server/scene/load.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene/zip_maker.h"
 
@@ -281,6 +282,18 @@ TEST(ThreeMf, components_that_double_at_each_level_are_bounded) {
   }
   EXPECT_THAT(message_of(load(model(resources, "<item objectid=\"40\"/>"))),
               HasSubstr("objects of the build: expected at most 1048576"));
+}
+
+TEST(ThreeMf, each_vertex_can_be_cancelled_wherever_its_object_is_placed) {
+  const auto points = [](int more_vertices) {
+    std::string mesh = kTetrahedron;
+    for (int i = 0; i < more_vertices; ++i) {
+      mesh.insert(mesh.find("</vertices>"), "<vertex x=\"0\" y=\"0\" z=\"0\"/>");
+    }
+    const std::string text = model(object("1", mesh), "<item objectid=\"1\"/>");
+    return test::points_passed([&] { EXPECT_TRUE(load(text).ok()); });
+  };
+  EXPECT_GE(points(100), points(0) + 100);
 }
 
 TEST(ThreeMf, every_truncation_is_an_error) {

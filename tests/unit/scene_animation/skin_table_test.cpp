@@ -2,9 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <glm/geometric.hpp>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "server/base/cancel_point.h"
 #include "server/scene/core/skin_table.h"
 #include "tests/unit/scene/scene_test_util.h"
 
@@ -87,6 +89,16 @@ TEST(SkinTable, the_memory_of_a_frame_is_used_again) {
   const glm::dvec3* before = frame.parts[0].positions.data();
   ASSERT_TRUE(skin_vertices(row.table, row.scene, pose, frame));
   EXPECT_EQ(frame.parts[0].positions.data(), before);
+}
+
+TEST(SkinTable, each_vertex_can_be_cancelled) {
+  const LongRow row(10);
+  Pose pose;
+  pose.world_from_bound.assign(2, glm::dmat4(1.0));
+  FrameVertices frame;
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  EXPECT_THROW((void)skin_vertices(row.table, row.scene, pose, frame).ok(), Cancelled);
 }
 
 TEST(SkinTable, an_invalid_position_is_reported_with_part_and_vertex) {
