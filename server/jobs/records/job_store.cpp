@@ -157,23 +157,6 @@ Status touch_asset(SqlConnection& connection, std::string_view tenant, std::stri
       id, tenant, now_ms);
 }
 
-// A job's grid or sequence is used now: the results that it belongs to.
-Status touch_results(SqlConnection& connection, const Caller& caller, const JobRequest& request,
-                     int64_t now_ms) {
-  const std::string update =
-      std::string("UPDATE results SET used_ms = $2 WHERE expired_ms = 0 AND ") +
-      (caller.sees_all() ? "$3 = $3" : "tenant = $3");
-  if (!request.grid.empty()) {
-    VOXELD_TRY(connection.run(update + " AND grid = $1 AND grid <> ''", request.grid, now_ms,
-                              caller.tenant()));
-    VOXELD_TRY(connection.run(update + " AND job_id IN (SELECT job_id FROM frames WHERE grid = $1)",
-                              request.grid, now_ms, caller.tenant()));
-  }
-  if (request.sequence.empty()) return {};
-  return connection.run(update + " AND sequence = $1 AND sequence <> ''", request.sequence, now_ms,
-                        caller.tenant());
-}
-
 // A row of `jobs` to be.
 struct NewJob {
   const JobRequest& request;
@@ -300,7 +283,6 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     if (!request.asset.empty()) {
       VOXELD_TRY(touch_asset(connection, asset_tenant, request.asset, now));
     }
-    VOXELD_TRY(touch_results(connection, caller, request, now));
     const std::string hash = request_hash(request);
     int64_t cached = 0;
     if (request.options.use_cache) {

@@ -1,7 +1,6 @@
 #include "server/jobs/retention/retention.h"
 
 #include <algorithm>
-#include <iterator>
 #include <set>
 #include <utility>
 
@@ -17,6 +16,8 @@ constexpr int64_t kBatch = 64;
 // Uses that are remembered between two flushes; more are forgotten, which makes a result a little
 // older than it is.
 constexpr size_t kTouchedMax = 50'000;
+// A result that is used all the time is noted so often. Ages are days.
+constexpr int64_t kUsePrecisionMs = int64_t{10} * 60 * 1000;
 
 // How a result needs the blob $1.
 constexpr std::string_view kUses[] = {"blob = $1", "grid = $1 AND grid <> ''",
@@ -109,30 +110,37 @@ Status Retention::flush() {
       it = used_ms_.erase(it);
     }
   }
-  // Results of equal content have one blob, and there may be thousands of them: several
-  // transactions, see note_ages.
-  size_t done = 0;
-  while (done < used.size() * std::size(kUses)) {
-    size_t reached = done;
-    Status committed = database_.write([&](SqlConnection& connection) -> Status {
-      reached = done;
-      for (int64_t rows = 0; rows < kBatch && reached < used.size() * std::size(kUses);) {
-        const auto& [id, at_ms] = used[reached / std::size(kUses)];
-        const std::string uses(kUses[reached % std::size(kUses)]);
-        VOXELD_TRY(
-            connection.run("UPDATE results SET used_ms = $2 WHERE seq IN (SELECT seq"
-                           " FROM results WHERE expired_ms = 0 AND used_ms < $2 AND " +
-                               uses + " LIMIT $3)",
-                           id, at_ms, kBatch));
-        rows += connection.changes();
-        if (connection.changes() < kBatch) ++reached;
-      }
-      return {};
-    });
-    VOXELD_TRY(committed);
-    done = reached;
+  for (const auto& [id, at_ms] : used) {
+    for (const std::string_view uses : kUses) VOXELD_TRY(note_use(id, uses, at_ms));
   }
   return {};
+}
+
+// Results of equal content have one blob, and there may be thousands of them: they are found without
+// the writer, and noted in several transactions (note_ages).
+Status Retention::note_use(const std::string& id, std::string_view uses, int64_t at_ms) {
+  while (true) {
+    std::string rows;
+    {
+      VOXELD_ASSIGN(Database::Lease reader, database_.read());
+      VOXELD_ASSIGN(SqlStatement found,
+                    reader->query("SELECT seq FROM results WHERE expired_ms = 0 AND used_ms < $2"
+                                  " AND " +
+                                      std::string(uses) + " LIMIT $3",
+                                  id, at_ms - kUsePrecisionMs, kBatch));
+      while (true) {
+        VOXELD_ASSIGN(const bool row, found.step());
+        if (!row) break;
+        rows += (rows.empty() ? "" : ", ") + std::to_string(found.int64(0));
+      }
+    }
+    if (rows.empty()) return {};
+    Status committed = database_.write([&](SqlConnection& connection) -> Status {
+      return connection.run(
+          "UPDATE results SET used_ms = $1 WHERE used_ms < $1 AND seq IN (" + rows + ")", at_ms);
+    });
+    VOXELD_TRY(committed);
+  }
 }
 
 Result<int64_t> Retention::remove(const Ids& ids, std::string_view quarantine_day) {

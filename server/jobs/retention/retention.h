@@ -27,7 +27,8 @@ class Retention {
   static constexpr int64_t kAllBytes = std::numeric_limits<int64_t>::max();
   Retention(Database& database, BlobStore& blobs) : database_(database), blobs_(blobs) {}
 
-  // Somebody was given this blob. Kept in memory until flush().
+  // Somebody was given this blob, or a job works on it. Kept in memory until flush(), which notes it
+  // where the last use that is known is older than ten minutes.
   void touch(const std::string& blob) EXCLUDES(mutex_);
   Status flush() EXCLUDES(mutex_);
 
@@ -69,6 +70,7 @@ class Retention {
   Result<int64_t> restore_quarantined();
 
  private:
+  Status note_use(const std::string& id, std::string_view uses, int64_t at_ms);
   Result<int64_t> expire_results_by(std::string_view column, int64_t before_ms, int64_t count_max,
                                     int64_t bytes_wanted);
   Result<int64_t> trim_records_of(std::string_view tenant);

@@ -105,6 +105,13 @@ void StoreSweep::run() {
   do {
     guarded("the sweep of the store", [this] { sweep(); });
   } while (pause());
+  guarded("the last uses", [this] { note_uses(); });
+}
+
+void StoreSweep::note_uses() {
+  if (Status flushed = retention_.flush(); !flushed) {
+    log::warn("cannot note what was used", {{"error", flushed.error().message()}});
+  }
 }
 
 void StoreSweep::sweep() {
@@ -158,9 +165,7 @@ void StoreSweep::look_at_ages() {
   if (const int64_t jump_ms = clock_.take_jump_ms(); jump_ms != 0) {
     log::warn("the system's clock jumped; ages do not count it", {{"seconds", jump_ms / 1000}});
   }
-  if (Status flushed = retention_.flush(); !flushed) {
-    log::warn("cannot note what was used", {{"error", flushed.error().message()}});
-  }
+  note_uses();
   if (Status noted = retention_.note_ages(clock_.now_ms()); !noted) {
     log::warn("cannot note ages", {{"error", noted.error().message()}});
   }
@@ -212,9 +217,7 @@ void StoreSweep::make_room() {
   }
   const auto goal = static_cast<int64_t>(static_cast<double>(limits_.store_bytes_max) * kFullPart);
   constexpr int64_t kEver = std::numeric_limits<int64_t>::max();
-  if (Status flushed = retention_.flush(); !flushed) {
-    log::warn("cannot note what was used", {{"error", flushed.error().message()}});
-  }
+  note_uses();
   int64_t evicted = 0;
   while (blobs_.bytes() > goal) {
     auto gone = retention_.expire_results(kEver, blobs_.bytes() - goal);

@@ -182,6 +182,11 @@ void Service::job_submitted(const JobRecord& record, const SubmitOptions& option
   const auto step = [](const auto& work) { guarded_twice("a submitted job", work); };
   step([&] { metrics_.submitted(status); });
   step([&] {
+    for (const std::string& used : {status.grid, status.sequence}) {
+      if (!used.empty()) retention_.touch(used);
+    }
+  });
+  step([&] {
     log::info("job submitted", {{"job", status.id},
                                 {"tenant", record.tenant},
                                 {"request", options.request_id},

@@ -295,6 +295,32 @@ TEST_F(FramesTest, a_request_on_a_sequence_is_checked) {
   EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().code, ErrorCode::kInvalidOption);
 }
 
+TEST_F(FramesTest, a_sequence_and_a_frame_that_jobs_work_on_are_used) {
+  const std::string sequence = finished().result->sequence;
+  const auto used_ms = [this] {
+    service_.reset();
+    auto reader =
+        SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kReader);
+    auto row = reader->query("SELECT used_ms FROM results");
+    EXPECT_TRUE(row && row->step());
+    return row->int64(0);
+  };
+  for (const bool is_frame : {false, true}) {
+    (void)used_ms();
+    {
+      auto writer =
+          SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
+      ASSERT_TRUE(writer && writer->run("UPDATE results SET used_ms = 1"));
+    }
+    start();
+    JobRequest request;
+    request.kind = JobKind::kExport;
+    (is_frame ? request.grid : request.sequence) = is_frame ? sha256_id("a") : sequence;
+    submit(request);
+    EXPECT_GT(used_ms(), 1);
+  }
+}
+
 TEST_F(FramesTest, an_estimate_counts_the_frames_of_a_sequence) {
   JobRequest one, all;
   all.sequence = finished().result->sequence;

@@ -135,17 +135,21 @@ TEST_F(RetentionTest, all_results_of_one_content_are_used_however_many) {
   EXPECT_EQ(count("results WHERE used_ms > 1"), kEqual);
 }
 
-TEST_F(RetentionTest, a_grid_that_a_job_works_on_is_used) {
-  const JobStatus old = made("mesh", "old"), used = made("mesh", "used");
-  ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
-  JobRequest request;
-  request.kind = JobKind::kExport;
-  request.grid = used.result->grid;
-  submit(request);
-  run("export");
-  EXPECT_EQ(retention_.expire_results(1000).value(), 1);
-  EXPECT_FALSE(stored("old"));
-  EXPECT_TRUE(stored("used"));
+TEST_F(RetentionTest, a_use_is_noted_where_the_last_one_is_older_than_ten_minutes) {
+  constexpr int64_t kMinuteMs = 60'000;
+  const std::string recent = made("mesh", "recent").result->blob;
+  const std::string old = made("mesh", "old").result->blob;
+  const std::string now = std::to_string(unix_time_ms());
+  const auto set_age = [&](const std::string& blob, int64_t age_ms) {
+    ASSERT_TRUE(sql("UPDATE results SET used_ms = " + now + " - " + std::to_string(age_ms) +
+                    " WHERE blob = '" + blob + "'"));
+  };
+  set_age(recent, 5 * kMinuteMs);
+  set_age(old, 15 * kMinuteMs);
+  for (const std::string& blob : {recent, old}) retention_.touch(blob);
+  ASSERT_TRUE(retention_.flush());
+  EXPECT_EQ(count("results WHERE used_ms = " + now + " - " + std::to_string(5 * kMinuteMs)), 1);
+  EXPECT_EQ(count("results WHERE used_ms >= " + now), 1);
 }
 
 TEST_F(RetentionTest, no_more_results_go_than_make_the_room_that_is_wanted) {
