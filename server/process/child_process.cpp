@@ -49,7 +49,7 @@ pid_t start(pid_t parent, const char* executable, char* const* arguments) {
   sigset_t all, before;
   ::sigfillset(&all);
   ::pthread_sigmask(SIG_SETMASK, &all, &before);
-  // What the checker warns of, calls beside exec, is why run_child is as it is.
+  // The checker warns of calls other than exec: run_child makes async-signal-safe ones alone.
   const pid_t child = ::vfork();  // NOLINT(clang-analyzer-security.insecureAPI.vfork)
   if (child == 0) run_child(parent, executable, arguments);  // NOLINT(clang-analyzer-unix.Vfork)
   const int failure = errno;
