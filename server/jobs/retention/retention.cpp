@@ -116,11 +116,11 @@ Status Retention::flush() {
   return {};
 }
 
-// Results of equal content have one blob, and there may be thousands of them: they are found without
-// the writer, and noted in several transactions (note_ages).
+// Results of equal content have one blob, and there may be thousands of them: they are found
+// without the writer, and noted in several transactions (note_ages).
 Status Retention::note_use(const std::string& id, std::string_view uses, int64_t at_ms) {
   while (true) {
-    std::string rows;
+    std::vector<int64_t> rows;
     {
       VOXELD_ASSIGN(Database::Lease reader, database_.read());
       VOXELD_ASSIGN(SqlStatement found,
@@ -131,13 +131,16 @@ Status Retention::note_use(const std::string& id, std::string_view uses, int64_t
       while (true) {
         VOXELD_ASSIGN(const bool row, found.step());
         if (!row) break;
-        rows += (rows.empty() ? "" : ", ") + std::to_string(found.int64(0));
+        rows.push_back(found.int64(0));
       }
     }
     if (rows.empty()) return {};
     Status committed = database_.write([&](SqlConnection& connection) -> Status {
-      return connection.run(
-          "UPDATE results SET used_ms = $1 WHERE used_ms < $1 AND seq IN (" + rows + ")", at_ms);
+      for (const int64_t seq : rows) {
+        VOXELD_TRY(connection.run("UPDATE results SET used_ms = $1 WHERE used_ms < $1 AND seq = $2",
+                                  at_ms, seq));
+      }
+      return {};
     });
     VOXELD_TRY(committed);
   }

@@ -27,8 +27,8 @@ class Retention {
   static constexpr int64_t kAllBytes = std::numeric_limits<int64_t>::max();
   Retention(Database& database, BlobStore& blobs) : database_(database), blobs_(blobs) {}
 
-  // Somebody was given this blob, or a job works on it. Kept in memory until flush(), which notes it
-  // where the last use that is known is older than ten minutes.
+  // Somebody was given this blob, or a job works on it. Kept in memory until flush(), which notes
+  // it where the last use that is known is older than ten minutes.
   void touch(const std::string& blob) EXCLUDES(mutex_);
   Status flush() EXCLUDES(mutex_);
 
