@@ -140,13 +140,14 @@ Job Client::attach(std::string_view id) {
   return {impl_, job(id)};
 }
 
-JobInfo Client::submit(std::string_view kind, const Input& input, const Options& options) {
-  return impl_->submit(kind, input, options);
+JobInfo Client::submit(std::string_view kind, const Input& input, const Options& options,
+                       const std::stop_token& stop) {
+  return impl_->submit(kind, input, options, stop);
 }
 
-std::string Client::estimate_json(std::string_view kind, const Input& input,
-                                  const Options& options) {
-  return impl_->post_job(kind, input, options, "?dry_run=1").body;
+std::string Client::estimate_json(std::string_view kind, const Input& input, const Options& options,
+                                  const std::stop_token& stop) {
+  return impl_->post_job(kind, input, options, "?dry_run=1", stop).body;
 }
 
 JobInfo Client::job(std::string_view id) {
@@ -200,10 +201,10 @@ void Client::tiles(std::string_view job, const TilesCallback& take, const std::s
   }
 }
 
-Queue Client::queue(int limit) {
+Queue Client::queue(int limit, const std::stop_token& stop) {
   HttpRequest request;
   request.url = impl_->url("/v1/queue?limit=" + std::to_string(limit));
-  return queue_of(parse_object(impl_->call(std::move(request)).body));
+  return queue_of(parse_object(impl_->call(std::move(request), "", stop).body));
 }
 
 std::vector<JobInfo> Client::jobs(int limit) {

@@ -21,14 +21,15 @@ Json estimate_of(client::Client& daemon, const Arguments& arguments, const std::
   const std::string kind = is_render ? "render" : "voxelize";
   client::Options options = arguments.options;
   if (input.empty()) {
-    return parsed(daemon.estimate_json(kind, {"", arguments.grid, arguments.sequence}, options));
+    const client::Input stored = {"", arguments.grid, arguments.sequence};
+    return parsed(daemon.estimate_json(kind, stored, options, stop));
   }
   const MeshSource mesh = MeshSource::open(input, arguments.beside);
   const std::string asset = daemon.upload(mesh.source(), {}, stop);
   if (!mesh.source().filename().empty() && !options.has("filename")) {
     options.set("filename", mesh.source().filename());
   }
-  return parsed(daemon.estimate_json(kind, client::Input::of_asset(asset), options));
+  return parsed(daemon.estimate_json(kind, client::Input::of_asset(asset), options, stop));
 }
 
 void add_row(const std::string& name, const Json& response, Table& table) {

@@ -258,7 +258,7 @@ void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
       stop);
   client::Options options;
   if (!mesh.source().filename().empty()) options.set("filename", mesh.source().filename());
-  JobInfo job = daemon.submit("inspect", client::Input::of_asset(asset), options);
+  JobInfo job = daemon.submit("inspect", client::Input::of_asset(asset), options, stop);
   job = wait_or_cancel(daemon, job.id, {}, stop);
   bar.clear();
   Json meta = parsed(job.meta_json);

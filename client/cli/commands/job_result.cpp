@@ -56,7 +56,7 @@ void write_result(const Arguments& arguments, Make&& make) {
 JobInfo make_of_stored(Client& daemon, std::string_view kind, const client::Input& input,
                        const client::Options& options, const client::Sink& sink,
                        const client::ProgressCallback& progress, const std::stop_token& stop) {
-  JobInfo job = daemon.submit(kind, input, options);
+  JobInfo job = daemon.submit(kind, input, options, stop);
   job = wait_or_cancel(daemon, job.id, progress, stop);
   daemon.download(job.id, sink, progress, stop);
   return job;

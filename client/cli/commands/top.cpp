@@ -23,7 +23,7 @@ constexpr ScreenSize kPaper{200, 1000};  // screen size for --once
 
 void watch_queue(const Arguments& arguments, client::Client& daemon, const std::stop_token& stop) {
   TopView view(arguments.url);
-  client::Queue queue = daemon.queue(kJobsShown);
+  client::Queue queue = daemon.queue(kJobsShown, stop);
   auto received = Clock::now();
   if (arguments.json) {
     std::printf("%s\n", queue.json.c_str());
@@ -48,7 +48,7 @@ void watch_queue(const Arguments& arguments, client::Client& daemon, const std::
     if (Clock::now() < next) continue;  // woken by another key or a new size
     next = Clock::now() + kRefresh;
     try {
-      queue = daemon.queue(kJobsShown);
+      queue = daemon.queue(kJobsShown, stop);
       received = Clock::now();
       trouble.clear();
     } catch (const client::Error& error) {

@@ -378,11 +378,14 @@ class VOXELD_CLIENT_API Client {
   // one small upload.
   std::string bundle(std::span<const BundleFile> files);
   std::string asset_json(std::string_view asset);
-  // kind: voxelize or inspect (an asset), render (any input), export (a grid or sequence).
-  JobInfo submit(std::string_view kind, const Input& input, const Options& options);
+  // kind: voxelize or inspect (an asset), render (any input), export (a grid or sequence). A stop
+  // ends the pauses between tries, but no request.
+  JobInfo submit(std::string_view kind, const Input& input, const Options& options,
+                 const std::stop_token& stop = {});
   // The expected cost, start and end of such a job, without a job: the JSON object of
   // POST /v1/jobs?dry_run=1.
-  std::string estimate_json(std::string_view kind, const Input& input, const Options& options);
+  std::string estimate_json(std::string_view kind, const Input& input, const Options& options,
+                            const std::stop_token& stop = {});
   JobInfo job(std::string_view id);
   // Waits until the job has ended. Throws the job's error if it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},
@@ -399,7 +402,7 @@ class VOXELD_CLIENT_API Client {
   void tiles(std::string_view job, const TilesCallback& take, const std::stop_token& stop = {});
   std::vector<JobInfo> jobs(int limit = 100);
   // At most `limit` jobs of the queue, running ones first; an admin's key shows all tenants'.
-  Queue queue(int limit = 100);
+  Queue queue(int limit = 100, const std::stop_token& stop = {});
   // Resumes if the connection breaks. Throws "bad-response" if the result has changed meanwhile;
   // the sink then has the beginning of the old one. Throws "content-mismatch" at the end if the
   // bytes do not match the daemon's hash; the sink then has all of them.

@@ -155,6 +155,28 @@ TEST_F(Commands, an_interrupt_cancels_the_image_of_a_grid) {
   expect_nothing_written();
 }
 
+TEST_F(Commands, an_interrupt_ends_the_pause_of_a_busy_daemon) {
+  const CannedResponse busy = test::problem_response(503, "queue-full", "", {"Retry-After: 9"});
+  Arguments render, dry_run, info, top;
+  render.command = dry_run.command = Arguments::Command::kRender;
+  render.grid = dry_run.grid = "sha256-g";
+  render.output = output();
+  dry_run.dry_run = true;
+  info.command = Arguments::Command::kInfo;
+  info.input = mesh();
+  top.command = Arguments::Command::kTop;
+  for (Arguments* given : {&render, &dry_run, &info, &top}) {
+    std::vector<CannedResponse> script = {busy};
+    if (given == &info) script.insert(script.begin(), json_response(R"({"id":"sha256-a"})"));
+    ScriptedServer server(script);
+    given->url = server.url();
+    given->quiet = true;
+    EXPECT_EQ(stopped_after(server, script.size(), *given).code(), "interrupted");
+    EXPECT_THAT(server.lines(), ::testing::SizeIs(script.size())) << "no further try";
+  }
+  expect_nothing_written();
+}
+
 TEST_F(Commands, a_stored_sequence_is_drawn) {
   ScriptedServer server(
       {job_response("queued"), job_response("done"), CannedResponse{.body = "GIF89a"}});
