@@ -444,15 +444,15 @@ void write_zip(const fs::path& archive, const std::vector<Entry>& entries) {
 // The mesh first, then the files it names, then the files beside it under their own names.
 std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string> beside) {
   std::vector<Entry> entries = {{mesh, mesh.filename().string()}};
-  std::set<std::string> beside_names;
+  std::set<std::string> taken = {entries[0].name};
   for (const std::string& path : beside) {
     const std::string name = fs::path(path).filename().string();
-    if (name == entries[0].name || !beside_names.insert(name).second) {
+    if (!taken.insert(name).second) {
       throw client::Error("file", 0, path + ": another file of the command line has this name");
     }
   }
   for (const std::string& name : referenced_files(mesh)) {
-    if (!beside_names.contains(name)) entries.push_back({mesh.parent_path() / name, name});
+    if (!taken.contains(name)) entries.push_back({mesh.parent_path() / name, name});
   }
   for (const std::string& path : beside) {
     std::error_code error;

@@ -89,7 +89,7 @@ def _path_files(paths: Sequence[Path], filename: str) -> list[File]:
     if len(given) < len(beside) or mesh.name in given:
         raise error("file", f"{[str(path) for path in beside]}: files that are sent together need different names")
     for name in referenced_files(mesh):
-        if name not in given:
+        if name != mesh.name and name not in given:
             files.append(path_file(mesh.parent / name, name))
     return files + [path_file(path, _utf8(name)) for name, path in given.items()]
 

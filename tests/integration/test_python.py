@@ -25,7 +25,7 @@ import python_package
 from harness import HANG_SECONDS, DaemonTest, wait_until
 
 import voxeld
-from voxeld import _call, _client, _decode, _references, _transport, aio
+from voxeld import _call, _client, _decode, _mesh, _references, _transport, aio
 
 ALL_CHANNELS = ["color", "normal", "material", "label", "distance", "coverage"]
 LONG = {"size": 16384, "channels": "occupancy", "cache": False}  # options of a job that takes long
@@ -378,6 +378,11 @@ class Meshes(PythonTest):
         self.addCleanup(tracemalloc.stop)
         self.assertEqual(_references.referenced_files(path), ["a.mtl"])
         self.assertLess(tracemalloc.get_traced_memory()[1], 2 * path.stat().st_size)
+
+    def test_a_mesh_that_names_itself_is_sent_once(self):
+        for name, text in (("a.obj", "mtllib a.obj\n"), ("a.gltf", '{"buffers": [{"uri": "a.gltf"}]}')):
+            (self.dir / name).write_text(text)
+            self.assertEqual([file.name for file in _mesh.files_of(self.dir / name, "")], [name])
 
     def test_files_under_other_names_are_sent_and_found(self):
         (self.dir / "textures").mkdir()

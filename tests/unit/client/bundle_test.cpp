@@ -278,6 +278,13 @@ TEST_F(Bundle, a_mesh_that_names_nothing_is_sent_as_it_is) {
   EXPECT_EQ(MeshSource::open("-").source().filename(), "");
 }
 
+TEST_F(Bundle, a_mesh_that_names_itself_is_sent_once) {
+  EXPECT_EQ(MeshSource::open(put("a.obj", "mtllib a.obj\n")).source().filename(), "a.obj");
+  EXPECT_EQ(MeshSource::open(put("b.obj", "mtllib B.OBJ\n")).source().filename(), "b.obj");
+  const fs::path gltf = put("a.gltf", R"({"buffers":[{"uri":"a.gltf"}]})");
+  EXPECT_EQ(MeshSource::open(gltf).source().filename(), "a.gltf");
+}
+
 constexpr const char* kMd5Mesh =
     "MD5Version 10\njoints {\n\t\"hip\" -1 ( 0 0 0 ) ( 0 0 0 )\t// root\n  \"leg\" 0\n}\n";
 
