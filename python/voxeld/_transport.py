@@ -18,7 +18,8 @@ from ._server import Server
 CONNECT_SECONDS = 10.0
 PAUSE_FIRST_SECONDS = 0.2  # of a pause before another try, which doubles
 PAUSE_MAX_SECONDS = 10.0
-PIECE_BYTES = 1 << 20  # of a body that is read or sent at a time
+PIECE_BYTES = 1 << 20  # of a body that is read at a time
+SENT_BYTES = 1 << 14  # of a body that is sent at a time, a record of TLS; a socket's timeout counts for each
 IDLE_CONNECTIONS_MAX = 8
 CLOCK_SLACK_SECONDS = 0.05  # by which a socket's timeout may come before the call's deadline
 CONTENT_TAG = re.compile(r'"sha256-([0-9a-f]{64})"')
@@ -239,8 +240,10 @@ class Transport:
         sent = 0
         with open_body() as file:
             while piece := file.read(PIECE_BYTES):
-                call.check()
-                connection.send(piece)
+                left = memoryview(piece)
+                while left:
+                    call.check()
+                    left = left[connection.sock.send(left[:SENT_BYTES]):]
                 sent += len(piece)
                 if body_bytes > PIECE_BYTES:
                     call.report(stage, sent, body_bytes, "bytes")

@@ -3,6 +3,8 @@ import asyncio
 import contextlib
 import functools
 import hashlib
+import http.client
+import io
 import json
 import os
 import pathlib
@@ -237,6 +239,27 @@ class Transport(TransportTest):
         self.assertEqual(script.lines(), ["POST /v1/assets?filename=a.stl", "POST /v1/jobs", "GET /v1/jobs/j-1",
                                           "GET /v1/jobs/j-1", "GET /v1/assets/sha256-a"])
         self.assertEqual(json.loads(script.bodies[1]), {"kind": "inspect", "asset": "sha256-a", "options": {}})
+
+    def test_an_upload_may_be_slow_if_it_goes_on(self):
+        class SlowSocket:
+            """Takes 10 kB each time; sendall() has one timeout for all that it sends."""
+            taken = b""
+
+            def send(self, data):
+                self.taken += data[:10_000]
+                return min(len(data), 10_000)
+
+            def sendall(self, data):
+                if self.send(data) < len(data):
+                    raise TimeoutError
+
+        self.client = voxeld.Client("http://voxeld", "")
+        connection = http.client.HTTPConnection("voxeld")
+        connection.sock = SlowSocket()
+        body = bytes(range(256)) * 5000
+        self.client._transport._send(connection, Call(), "POST", "/v1/assets", lambda: io.BytesIO(body), len(body), {},
+                                     "upload")
+        self.assertTrue(connection.sock.taken.endswith(b"\r\n\r\n" + body))
 
     def test_a_refusal_before_the_whole_body_was_sent_is_read(self):
         self.script(Script.REFUSE, problem(413, "payload-too-large", "Connection: close"), Script.CLOSE)
