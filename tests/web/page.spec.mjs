@@ -698,6 +698,31 @@ test("a picture, a turntable and a link that others can open", async ({ page, re
   expect(shared.headers()["content-disposition"]).toContain('"rocket.vox"');
 });
 
+test("a link that comes after another result is not shown", async ({ page }) => {
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  await page.route(/\/share\?/, async route => {
+    await held;
+    await route.continue();
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 32);
+  await shown(page, 32);
+  await expect(page.locator("#commands pre")).toContainText("size=32");
+  const asked = page.waitForRequest(/\/share\?/);
+  await page.click('button:text-is("Share link")');
+  await asked;
+  await resize(page, 40);
+  await expect(page.locator("#commands pre")).toContainText("size=40"); // the result to take
+  const came = page.waitForResponse(/\/share\?/);
+  release();
+  await came;
+  // Another response: the page has read the link by then.
+  await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+  await expect(page.locator('input[aria-label="Share link"]')).toBeHidden();
+});
+
 test("delete removes the mesh and its results", async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "concave.obj"));

@@ -322,9 +322,11 @@ export class Take {
   }
 
   async #share(signal: AbortSignal): Promise<void> {
-    const name = this.#name,
+    const source = this.#source,
+      name = this.#name,
       job = await this.#made(name, signal);
     const link = await this.#linkOf(job, Number(this.#lifetime.value), name, signal);
+    if (this.#source !== source) return; // another result has come
     this.#link.value = new URL(link.url, location.href).href;
     this.#linkRow.hidden = this.#linkNote.hidden = false;
     this.#linkNote.textContent = t(T.shared, { date: new Date(link.expires_ms).toLocaleString() });
