@@ -833,11 +833,13 @@ test("the daemon draws once the context is lost for good", async ({ page }) => {
   await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);
   await expect(page.locator("#card-look").getByLabel("Show", { exact: true })).toBeVisible();
+  await page.focus("#canvas");
   await page.evaluate(() => {
     document.getElementById("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext();
   });
   await expect(page.locator("#picture")).toHaveAttribute("src", /^blob:/);
   await expect(page.locator("#card-look").getByLabel("Show", { exact: true })).toBeHidden();
+  await expect(page.locator("#view")).toBeFocused();
 });
 
 test("a page of another origin can neither post nor read", async ({ page }) => {
@@ -895,6 +897,7 @@ test("a phone's width needs no sideways scrolling, and all works by keyboard", a
   await page.focus('.sample:has-text("Rocket")');
   await page.keyboard.press("Enter");
   await shown(page, 256);
+  await expect(page.locator("#view")).toBeFocused();
   for (const summary of await page.locator("#panel summary").all()) await summary.click();
   expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(360);
   await page.focus("#size-slider");

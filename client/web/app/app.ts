@@ -246,6 +246,8 @@ export class App {
     this.#look.forget();
     this.#settings.reset();
     if (!byId("banner").matches(".offline")) byId("banner").hidden = true;
+    const view = byId("view");
+    if (view.contains(document.activeElement)) view.focus(); // before its children vanish
     byId("start").hidden = true;
     this.#facts.hidden = byId("pick").hidden = true;
     this.#panel.hidden = false;

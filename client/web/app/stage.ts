@@ -236,6 +236,7 @@ export class Stage {
     const { camera } = this.viewer;
     this.viewer = this.#part = null;
     this.level = this.#drawnLevel = 0;
+    if (document.activeElement === this.canvas) this.canvas.parentElement?.focus();
     this.canvas.hidden = true;
     this.image.hidden = false;
     this.onLost();
