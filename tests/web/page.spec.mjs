@@ -589,6 +589,54 @@ test("a preview that is superseded is cancelled, known to the page or not", asyn
   await shown(page, 64);
 });
 
+test("a change of the settings supersedes a run whose price is asked for", async ({ page }) => {
+  // The price of the new settings, which would supersede it later, is never asked for.
+  await page.addInitScript(() => {
+    const original = window.setTimeout;
+    window.setTimeout = (call, ms, ...given) => (ms === 140 ? 0 : original(call, ms, ...given));
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await expect(page.locator("#card-take")).toContainText("about"); // the first run has ended
+  await page.route(/dry_run/, () => undefined); // no response
+  const asked = page.waitForRequest(/dry_run/);
+  await page.click("#run");
+  await asked;
+  const given = page.waitForEvent("requestfailed", request => request.url().includes("dry_run"));
+  await resize(page, 64);
+  await given;
+});
+
+test("a run that is left before it has submitted a job submits none", async ({ page }) => {
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  const isCancel = request => request.method() === "DELETE";
+  await page.route("**/v1/jobs/*", async route => {
+    if (isCancel(route.request())) await held;
+    await route.continue();
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await resize(page, 8192);
+  await page.click("#run");
+  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+  const asked = page.waitForRequest(isCancel);
+  await page.click("#run"); // waits until the job before it is cancelled
+  await asked;
+  const sent = [];
+  page.on("request", request => {
+    if (request.method() === "POST") sent.push(request.url());
+  });
+  await page.click("#new");
+  const came = page.waitForResponse(response => isCancel(response.request()));
+  release();
+  await came;
+  // Another response: the run has ended by then.
+  await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+  expect(sent).toEqual([]);
+});
+
 /** The share of the view that differs from a screenshot, by areas: the fineness of a frame is none. */
 async function differing(page, before) {
   const now = await page.locator("#view").screenshot();

@@ -35,7 +35,6 @@ export class App {
   #jobs = new Set<string>(); // whose results are deleted with the asset
   #loading: AbortController | null = null;
   #pricing: AbortController | null = null;
-  #price: DryRun | null = null;
   #timer = 0;
   #keepCamera = false;
   #shownJob = ""; // of the frames that the timeline shows
@@ -207,6 +206,7 @@ export class App {
     }
     if (bundle.ignored > 0) this.onNote(t(T.ignored, { n: bundle.ignored }));
     this.#loading?.abort();
+    this.#pricing?.abort();
     const loading = (this.#loading = new AbortController());
     try {
       await this.#runner.stop();
@@ -237,7 +237,6 @@ export class App {
     this.#bundle = bundle;
     this.#asset = null;
     this.#jobs = new Set();
-    this.#price = null;
     this.#keepCamera = false;
     this.#stage.clear();
     document.body.classList.remove("shown");
@@ -316,6 +315,7 @@ export class App {
   #changed(isFinal: boolean): void {
     if (!this.#asset) return;
     clearTimeout(this.#timer);
+    this.#pricing?.abort();
     if (this.#runner.isRunning) void this.#cancel();
     this.#timer = setTimeout(
       () =>
@@ -335,13 +335,13 @@ export class App {
     this.#pricing?.abort();
     const pricing = (this.#pricing = new AbortController());
     try {
-      this.#price = await this.#runner.price(wish, pricing.signal);
-      this.#priceLine.textContent = priceText(this.#price, this.api.now);
+      const price = await this.#runner.price(wish, pricing.signal);
+      pricing.signal.throwIfAborted();
+      this.#priceLine.textContent = priceText(price, this.api.now);
       this.#priceLine.classList.remove("error");
-      return this.#price;
+      return price;
     } catch (error) {
       if (isAbort(error)) return null;
-      this.#price = null;
       this.#priceLine.textContent = (error as Error).message;
       this.#priceLine.classList.add("error");
       this.onProblem(error);

@@ -102,6 +102,7 @@ export class Runner {
 
   // A request that is under way is not cut off: its job could not be cancelled.
   async #submit(body: object, signal: AbortSignal): Promise<JobStatus> {
+    signal.throwIfAborted();
     const headers = { "Idempotency-Key": hexOf(crypto.getRandomValues(new Uint8Array(16))) };
     const submitted = this.api
       .json<JobStatus>("/v1/jobs", { body, headers, signal, isWhole: true })
