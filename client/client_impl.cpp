@@ -347,10 +347,10 @@ JobInfo ClientImpl::look_for(std::string_view id, std::chrono::seconds time,
   return job_info(parse_object(look(id, "", std::min(time, kPollTime), stop).body));
 }
 
-JobInfo ClientImpl::cancel(std::string_view id) {
+JobInfo ClientImpl::cancel(std::string_view id, std::string_view query) {
   HttpRequest request;
   request.method = "DELETE";
-  request.url = url("/v1/jobs/" + std::string(id));
+  request.url = url("/v1/jobs/" + std::string(id) + std::string(query));
   return job_info(parse_object(call(std::move(request)).body));
 }
 

@@ -65,8 +65,7 @@ const JobInfo& Job::wait(const ProgressCallback& progress, const std::stop_token
 }
 
 void Job::cancel() {
-  // A DELETE of a job that has ended would remove its record.
-  if (!poll()) info_ = client_->cancel(percent_encode(id()));
+  if (!info_.ended()) info_ = client_->cancel(percent_encode(id()), "?ended=keep");
 }
 
 void Job::download(const Sink& sink, const ProgressCallback& progress,

@@ -236,9 +236,9 @@ class Client:
             self._cancel(str(status["id"]))
 
     def _cancel(self, job: str) -> None:
-        """Cancels a job. Of one that has ended the record goes; its result stays."""
+        """Cancels a job, unless it has ended."""
         with contextlib.suppress(Error):
-            self._transport.request(Call(CANCEL_SECONDS), "DELETE", f"/v1/jobs/{job}")
+            self._transport.request(Call(CANCEL_SECONDS), "DELETE", f"/v1/jobs/{job}?ended=keep")
 
     def _look(self, call: Call, job: str, etag: str, waits: bool) -> Response:
         """The status at the end of the job, or with an ETag after its next change; waits: at most POLL_SECONDS. 304 and
@@ -343,10 +343,7 @@ class _JobStream:
 
     def cancel(self) -> None:
         """Cancels the job. One that has ended stays, and so do frames that are finished."""
-        with contextlib.suppress(Error):
-            status = self._client._transport.json(Call(CANCEL_SECONDS), "GET", f"/v1/jobs/{self.job}")
-            if not _has_ended(status):
-                self._client._cancel(self.job)
+        self._client._cancel(self.job)
 
 
 class Animation(_JobStream):

@@ -81,7 +81,7 @@ std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max) {
       {"POST", "/v1/jobs", on(post_job), {"dry_run"}, kNew, json},
       {"GET", "/v1/jobs", on(list_jobs), page_of_jobs},
       {"GET", "/v1/jobs/{id}", on(get_job)},
-      {"DELETE", "/v1/jobs/{id}", on(delete_job)},
+      {"DELETE", "/v1/jobs/{id}", on(delete_job), {"ended"}},
       {"GET", "/v1/jobs/{id}/events", on(get_events)},
       {"GET", "/v1/jobs/{id}/result", on(get_result), of_sequence, kMayStart},
       {"DELETE", "/v1/jobs/{id}/result", on(delete_result)},

@@ -311,7 +311,7 @@ class VOXELD_CLIENT_API Job {
   // Waits until the job has ended. Throws the job's error if it failed, and "cancelled" if it was
   // cancelled. Stopping the wait leaves the job running.
   const JobInfo& wait(const ProgressCallback& progress = {}, const std::stop_token& stop = {});
-  // Gets the state, and cancels the job unless it has ended.
+  // Cancels the job, unless it has ended.
   void cancel();
 
   // The result. These wait for it and throw as wait() does.

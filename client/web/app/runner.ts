@@ -117,10 +117,10 @@ export class Runner {
     return job;
   }
 
-  // The job's status; null if it has ended before.
+  // The job's status; null if there is none.
   async #cancel(job: string): Promise<JobStatus | null> {
     try {
-      return await this.api.json<JobStatus>(`/v1/jobs/${job}`, { method: "DELETE" });
+      return await this.api.json<JobStatus>(`/v1/jobs/${job}?ended=keep`, { method: "DELETE" });
     } catch (error) {
       if (error instanceof Problem) return null;
       throw error;

@@ -69,6 +69,16 @@ TEST_F(JobsApi, delete_cancels_a_job_and_then_removes_its_record) {
   EXPECT_EQ(request("DELETE", "/v1/jobs/" + id).status, 404);
 }
 
+TEST_F(JobsApi, delete_that_keeps_ended_jobs_cancels_alone) {
+  const std::string path = "/v1/jobs/" + submit();
+  for (int i = 0; i < 2; ++i) {
+    const HttpResponse cancelled = request("DELETE", path + "?ended=keep");
+    EXPECT_EQ(cancelled.status, 200);
+    EXPECT_EQ(json(cancelled).value("state", ""), "cancelled");
+  }
+  EXPECT_EQ(get(path).status, 200);
+}
+
 TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {
   const HttpResponse sent = post_job();
   EXPECT_EQ(sent.status, 202);

@@ -456,7 +456,7 @@ TEST(Job, waits_for_a_time_and_may_go_on_afterwards) {
 
 TEST(Job, a_stopped_wait_leaves_it_to_the_daemon_until_it_is_cancelled) {
   ScriptedServer server({job_response("queued"), job_response("running"), job_response("running"),
-                         job_response("running"), job_response("cancelled")});
+                         job_response("cancelled")});
   Client client(server.url());
   Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
   EXPECT_EQ(error_of([&] { job.wait([](const Progress&) { return false; }); }).code(),
@@ -467,8 +467,8 @@ TEST(Job, a_stopped_wait_leaves_it_to_the_daemon_until_it_is_cancelled) {
   job.cancel();
   job.cancel();  // has ended
   EXPECT_EQ(job.info().state, "cancelled");
-  EXPECT_THAT(server.asked(), SizeIs(5));
-  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
+  EXPECT_THAT(server.asked(), SizeIs(4));
+  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1?ended=keep");
   EXPECT_EQ(error_of([&] { job.wait(); }).code(), "cancelled");
 }
 
@@ -478,7 +478,7 @@ TEST(Job, a_cancel_leaves_the_record_of_one_that_has_ended_meanwhile) {
   Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
   job.cancel();
   EXPECT_EQ(job.info().state, "done");
-  EXPECT_THAT(server.lines(), ElementsAre("POST /v1/jobs", "GET /v1/jobs/j-1"));
+  EXPECT_THAT(server.lines(), ElementsAre("POST /v1/jobs", "DELETE /v1/jobs/j-1?ended=keep"));
 }
 
 TEST(Job, a_failure_is_thrown_by_the_result_and_not_by_the_poll) {

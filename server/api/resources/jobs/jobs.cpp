@@ -158,13 +158,14 @@ Reply get_job(Request& request, Api& api) {
   return wait_for_job(request, api, std::move(plan));
 }
 
-// Cancels a job, and removes the record of one that had ended before: its last state is the
-// response.
+// Cancels a job, and removes the record of one that had ended before, unless `ended=keep`: its last
+// state is the response.
 Reply delete_job(Request& request, Api& api) {
   const std::string& id = request.path_parameters[0];
   const auto before = api.jobs.get(request.caller, id);
   if (before && before->ended()) {
-    if (const Status gone = api.jobs.forget(request.caller, id); !gone) {
+    const bool is_kept = request.query("ended").value_or("") == "keep";
+    if (const Status gone = is_kept ? Status() : api.jobs.forget(request.caller, id); !gone) {
       return problem(request, gone.error());
     }
     return status_response(request, api, 200, *before);
