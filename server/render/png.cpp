@@ -29,6 +29,8 @@ class PngWriter {
   PngWriter(const PngWriter&) = delete;
   PngWriter& operator=(const PngWriter&) = delete;
 
+  // Room for the file, which would else be copied as it grows, in one step for libpng.
+  void reserve(size_t bytes) { bytes_.reserve(bytes); }
   bool start(int width, int height) {
     if (info_ == nullptr) return false;
     return guarded([&] {
@@ -92,6 +94,9 @@ class PngWriter {
 Result<std::vector<uint8_t>> encode_png(const RenderImage& image) {
   VOXELD_CHECK(image.rgba.size() == size_t{4} * image.width * image.height, "4 bytes per pixel");
   PngWriter writer;
+  // Noise, whose chunks, filters of rows and blocks of deflate take less than 1/256.
+  const size_t pixel_bytes = image.rgba.size();
+  writer.reserve(pixel_bytes + pixel_bytes / 256 + static_cast<size_t>(image.height) + 1024);
   bool ok = writer.start(image.width, image.height);
   for (int y = 0; ok && y < image.height; ++y) {
     cancel_point();

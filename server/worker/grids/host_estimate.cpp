@@ -243,7 +243,8 @@ int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOption
 
 void expect_bytes(TaskRun& run, int64_t more, int64_t device_bytes) {
   const int64_t now = resident_bytes();
-  add_meta(run, {{"host_bytes_estimate", std::max(peak_resident_bytes(), now + more)}});
+  const int64_t before = run.meta.value("host_bytes_estimate", int64_t{0});
+  add_meta(run, {{"host_bytes_estimate", std::max({before, peak_resident_bytes(), now + more})}});
   // The current size, not the peak, which may have been another task's.
   run.slice.expect(now + more, device_bytes);
 }

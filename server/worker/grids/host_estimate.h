@@ -31,7 +31,8 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
 int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOptions& render);
 
 // Writes host_bytes_estimate into meta: the resident bytes now plus `more`, but no less than the
-// peak so far. The task's time slice requests resident bytes plus `more`, and `device_bytes`.
+// peak so far and earlier estimates of the task. The task's time slice requests resident bytes plus
+// `more`, and `device_bytes`.
 void expect_bytes(TaskRun& run, int64_t more, int64_t device_bytes = 0);
 
 }  // namespace voxeld

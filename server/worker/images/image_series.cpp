@@ -121,15 +121,18 @@ Result<RenderImage> take_image(TaskRun& run, const DrawnInput& input, const std:
   return render_image(run, *drawn.grid, drawn.key, drawn.options);
 }
 
+std::vector<double> view_durations(const RenderOptions& options) {
+  const auto count = static_cast<size_t>(options.turntable);
+  return shown_durations(std::vector<double>(count, 1.0 / kDefaultFps), options.rate);
+}
+
 ImageSeries turntable_series(TaskRun& run, const std::filesystem::path& container,
                              const std::string& key, const RequestOptions& options) {
-  const auto count = static_cast<size_t>(options.render.turntable);
-  const std::vector<double> even(count, 1.0 / kDefaultFps);
-  return {shown_durations(even, options.render.rate),
-          [&run, container, key, options, count](size_t index) -> Result<RenderImage> {
+  return {view_durations(options.render),
+          [&run, container, key, options](size_t index) -> Result<RenderImage> {
             RequestOptions turned = options;
             turned.render.azimuth_deg +=
-                360.0 * static_cast<double>(index) / static_cast<double>(count);
+                360.0 * static_cast<double>(index) / options.render.turntable;
             VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, container, key));
             return take_image(run, input, key, turned);
           }};
@@ -140,12 +143,16 @@ std::vector<double> image_durations(const std::vector<double>& times_s, double f
   return shown_durations(frame_durations(times_s, fps), options.rate);
 }
 
-Status check_series(const std::vector<double>& durations_s, const RenderOptions& options) {
-  if (options.image == ImageKind::kSheet) {
-    VOXELD_TRY(sheet_layout(durations_s.size(), options.columns, options.width, options.height));
-  } else {
+Status begin_series(TaskRun& run, const std::vector<double>& durations_s,
+                    const RenderOptions& options) {
+  if (options.image != ImageKind::kSheet) {
     VOXELD_TRY(shown_times(options.image, durations_s));
+    return {};
   }
+  VOXELD_ASSIGN(const SheetLayout layout,
+                sheet_layout(durations_s.size(), options.columns, options.width, options.height));
+  // The pixels, and their PNG, which is as large if they are noise.
+  expect_bytes(run, int64_t{2} * 4 * layout.columns * layout.width * layout.rows * layout.height);
   return {};
 }
 
@@ -184,6 +191,7 @@ Status write_image(TaskRun& run, const RenderImage& image) {
 }
 
 Status write_series(TaskRun& run, const ImageSeries& series, const RenderOptions& options) {
+  VOXELD_TRY(begin_series(run, series.durations_s, options));
   if (options.image == ImageKind::kSheet) return write_sheet(run, series, options);
   return write_animation(run, series, options);
 }

@@ -40,9 +40,13 @@ Result<RenderImage> take_image(TaskRun& run, const DrawnInput& input, const std:
 // the frames. fps: as in frame_durations().
 std::vector<double> image_durations(const std::vector<double>& times_s, double fps,
                                     const RenderOptions& options);
-// Whether images that are shown so long make a file of the request's kind. Errors: invalid-option
-// for a sheet that is too large, or an image that is shown for too long.
-Status check_series(const std::vector<double>& durations_s, const RenderOptions& options);
+// The same for the views of a turntable.
+std::vector<double> view_durations(const RenderOptions& options);
+// Checks that images that are shown so long make a file of the request's kind, and expects the
+// memory of a sheet. Call it before the task's first time slice; write_series() does, too. Errors:
+// invalid-option for a sheet that is too large, or an image that is shown for too long.
+Status begin_series(TaskRun& run, const std::vector<double>& durations_s,
+                    const RenderOptions& options);
 
 // Views from options.render.turntable sides of the grid.
 ImageSeries turntable_series(TaskRun& run, const std::filesystem::path& container,
@@ -56,7 +60,7 @@ RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options);
 // Lists one image as the result.
 Status write_image(TaskRun& run, const RenderImage& image);
 // Takes all images and lists them as the result, in the request's kind. Each is encoded while the
-// next one is drawn. Errors: those of the images and of check_series().
+// next one is drawn. Errors: those of the images and of begin_series().
 Status write_series(TaskRun& run, const ImageSeries& series, const RenderOptions& options);
 
 }  // namespace voxeld

@@ -104,6 +104,9 @@ Status render_still(TaskRun& run, const RequestOptions& options) {
   const std::string key = render_key(run.task, options);
   VOXELD_ASSIGN(const bool is_cached, write_cached_grid(run, key));
   if (is_cached) return draw_grid(run, {}, key, options);
+  if (options.render.turntable > 0) {
+    VOXELD_TRY(begin_series(run, view_durations(options.render), options.render));
+  }
   VOXELD_ASSIGN(const bool is_volume, is_volume_input(run.task));
   if (is_volume) return draw_volume(run, key, options);
   VOXELD_ASSIGN(const auto scene, load_input_scene(run, load_options(options.voxelize)));
@@ -140,7 +143,7 @@ Status render_moment(TaskRun& run, const RequestOptions& options) {
 // asset -> sequence -> images of its frames
 Status render_frames(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(Clip clip, open_clip(run, options));
-  VOXELD_TRY(check_series(image_durations(clip.times.times_s, clip.times.fps, options.render),
+  VOXELD_TRY(begin_series(run, image_durations(clip.times.times_s, clip.times.fps, options.render),
                           options.render));
   run.engine.cache.grid.reset();
   VOXELD_ASSIGN(const MadeSequence made, make_frames(run, clip, options));

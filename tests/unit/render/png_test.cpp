@@ -3,6 +3,8 @@
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "server/render/render.h"
 
 namespace voxeld {
@@ -31,6 +33,16 @@ TEST(EncodePng, keeps_every_level_of_colour_and_straight_alpha) {
   std::vector<uint8_t> back(image.rgba.size());
   ASSERT_TRUE(input->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
   EXPECT_EQ(back, image.rgba);
+}
+
+TEST(EncodePng, noise_fits_into_the_room_that_was_reserved) {
+  std::mt19937 random(1);
+  RenderImage image{300, 200, {}};
+  for (size_t i = 0; i < 4 * 300 * 200; ++i) image.rgba.push_back(static_cast<uint8_t>(random()));
+  const auto png = encode_png(image);
+  ASSERT_TRUE(png.ok()) << png.error().message();
+  EXPECT_GT(png->size(), image.rgba.size());
+  EXPECT_LT(png->capacity(), image.rgba.size() + image.rgba.size() / 64);
 }
 
 TEST(EncodePng, one_pixel_is_an_image) {

@@ -94,12 +94,24 @@ class FramesTest : public ::testing::Test {
     return json{{"cancel", cancel}, {"fenced", false}, {"grid", id}, {"path", to.string()}}.dump();
   }
 
-  Result<TaskCompletion> run(const Task& task) {
+  Result<TaskCompletion> run(const Task& task, SliceClient* slices = nullptr) {
     frames_.clear();
     testing::FakeGateway gateway([this](const json& message) { return take(message); });
     auto client = TaskClient::connect(gateway.address()).value();
     TaskMonitor monitor(*client, task);
-    return testing::completion_of(run_task(engine_, task, dir_.path(), monitor));
+    return testing::completion_of(run_task(engine_, task, dir_.path(), monitor, slices));
+  }
+
+  // The memory that the task's first time slice asks for; it gets none.
+  int64_t bytes_asked(const Task& task) {
+    int64_t bytes = 0;
+    testing::FakeGateway gateway([&](const json& message) {
+      if (message["type"] == "slice_take") bytes = message["host_bytes"].get<int64_t>();
+      return to_json_message(SliceReply{}).dump();
+    });
+    const auto slices = SliceClient::connect(gateway.address()).value();
+    EXPECT_EQ(run(task, slices.get()).error().code, ErrorCode::kCancelled);
+    return bytes;
   }
 
   TaskCompletion done(const Task& task) {
@@ -504,6 +516,16 @@ TEST_F(FramesTest, a_grid_is_seen_from_all_sides) {
   const auto sheet = read_file(output(completion, "result")).value();
   EXPECT_EQ(big_endian(sheet, 16), 160);
   EXPECT_FALSE(output(completion, "grid").empty());
+}
+
+TEST_F(FramesTest, the_first_time_slice_asks_for_the_memory_of_a_sheet) {
+  json options = {{"size", 24}, {"image", "sheet"}, {"width", 4096}, {"height", 4096}};
+  options["turntable"] = 16;
+  const int64_t pixel_bytes = int64_t{4} * 16'384 * 16'384;
+  EXPECT_GE(bytes_asked(task(JobKind::kRender, "worm.md5.zip", options)), 2 * pixel_bytes);
+  options.erase("turntable");
+  options.update(small("walk"));  // 6 frames in 3 columns
+  EXPECT_GE(bytes_asked(task(JobKind::kRender, "worm.md5.zip", options)), 2 * pixel_bytes * 6 / 16);
 }
 
 TEST_F(FramesTest, inspecting_lists_joints_meshes_and_animations) {
