@@ -167,14 +167,14 @@ struct Voxelizer::Impl {
                        !faults.has(DevicePart::kSolid);
     return fills ? device_inside : nullptr;
   }
-  // An upper estimate of the job's host memory.
-  int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
-                    const VoxelizeOptions& options, const WantedChannels& channels) const;
+  // An upper estimate of the job's host memory. Errors: grid-too-large.
+  Result<int64_t> job_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
+                            const VoxelizeOptions& options, const WantedChannels& channels) const;
 };
 
-int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
-                                   const Placed& placed, const VoxelizeOptions& options,
-                                   const WantedChannels& channels) const {
+Result<int64_t> Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
+                                           const Placed& placed, const VoxelizeOptions& options,
+                                           const WantedChannels& channels) const {
   const SurfaceSize surface = surface_size(mesh, placed.spec);
   const int64_t surface_bytes = surface.bytes(channels);
   int64_t bytes = mesh_bytes(scene) + surface_bytes +
@@ -188,8 +188,12 @@ int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
     bytes += auto_sign_bytes(placed.spec.dims, static_cast<int64_t>(mesh.triangles.size()),
                              surface.bytes(WantedChannels()));
   }
-  return bytes + distance_bytes(FillMesh::of(scene, placed.world_from_file, placed.spec, mesh),
-                                placed.spec, options, channels);
+  if (needs_all_tiles(options, channels)) bytes += FillMesh::own_bytes(scene, mesh);
+  // The cells of a band are estimated by that mesh, which is made for it.
+  VOXELD_TRY(check_host_bytes(placed.spec, bytes, host_bytes_max));
+  bytes += distance_bytes(scene, mesh, placed, options, channels);
+  VOXELD_TRY(check_host_bytes(placed.spec, bytes, host_bytes_max));
+  return bytes;
 }
 
 PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& work,
@@ -254,10 +258,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
     const bool is_mirrored = glm::determinant(glm::dmat3(plan.world_from_file)) < 0;
     settle_faces(plan.spec.dims, is_mirrored, plan.mesh);
   }
-  if (estimates) {
-    VOXELD_TRY(check_host_bytes(
-        placed.spec, job_bytes(scene, plan.mesh, placed, options, plan.channels), host_bytes_max));
-  }
+  if (estimates) VOXELD_TRY(job_bytes(scene, plan.mesh, placed, options, plan.channels));
   stats.triangles = static_cast<int64_t>(plan.mesh.triangles.size());
   add_stage(stats.passes, "snap", watch.lap());
   for (size_t part = 0; part < scene.parts.size(); ++part) {
@@ -482,10 +483,9 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
   if (options.fill != Fill::kSurface && inside != nullptr) {
     estimate.device_bytes += inside->inside_bytes(placed.spec.dims, options.sign);
   }
-  estimate.host_bytes = impl_->job_bytes(scene, mesh, placed, options, channels);
+  VOXELD_ASSIGN(estimate.host_bytes, impl_->job_bytes(scene, mesh, placed, options, channels));
   estimate.voxels = options.fill == Fill::kSurface ? surface_size(mesh, placed.spec).voxels
                                                    : placed.spec.cell_count();
-  VOXELD_TRY(check_host_bytes(placed.spec, estimate.host_bytes, impl_->host_bytes_max));
   return estimate;
 }
 

@@ -278,16 +278,17 @@ Status check_distance_unit(const GridSpec& spec, DistanceUnit unit) {
                option_values::to_text(aspect)};
 }
 
-int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
-                       const WantedChannels& channels) {
+int64_t distance_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
+                       const VoxelizeOptions& options, const WantedChannels& channels) {
   const bool is_band = options.fill == Fill::kBand;
   if (!is_band && !channels.grid.distance) return 0;
-  const glm::ivec3 tiles = spec.tile_dims();
+  const glm::ivec3 tiles = placed.spec.tile_dims();
   // A tree, and tables of the inside bricks.
-  const int64_t bytes = TriangleTree::bytes_for(static_cast<int64_t>(mesh.triangle_count())) +
+  const int64_t bytes = TriangleTree::bytes_for(static_cast<int64_t>(scene.triangle_count())) +
                         int64_t{tiles.x} * tiles.y * tiles.z * (int64_t{8} << 15);
   if (!is_band) return bytes;
-  const int64_t cells = band_cells_max(mesh, spec.dims, options.thickness);
+  const FillMesh fill = FillMesh::of(scene, placed.world_from_file, placed.spec, mesh);
+  const int64_t cells = band_cells_max(fill, placed.spec.dims, options.thickness);
   constexpr int64_t kCellsPerBrick =
       int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
   constexpr int64_t kBrickBytes = sizeof(BrickMask) + sizeof(uint32_t);

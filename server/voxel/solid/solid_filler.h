@@ -81,7 +81,7 @@ class SolidFiller {
 Status check_distance_unit(const GridSpec& spec, DistanceUnit unit);
 
 // An upper estimate of the bytes that distances and bands need in addition to surface and inside.
-int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
-                       const WantedChannels& channels);
+int64_t distance_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
+                       const VoxelizeOptions& options, const WantedChannels& channels);
 
 }  // namespace voxeld

@@ -59,6 +59,24 @@ TEST(SolidParts, a_closed_mesh_has_no_boundary_whatever_its_vertices_are_numbere
   EXPECT_TRUE(boundary_edges(FillMesh::of(corners, 8)).empty());
 }
 
+TEST(SolidParts, a_mesh_takes_memory_of_its_own_only_where_the_surface_has_not_all_triangles) {
+  Scene scene;
+  MeshPart& part = scene.parts.emplace_back();
+  part.positions = {{1, 1, 1}, {7, 1, 1}, {1, 7, 1}, {1, 1, 20}};
+  part.indices = {0, 1, 2, 0, 1, 3};
+  const auto own_bytes = [&](int cells_z) {
+    GridSpec spec;
+    spec.dims = {8, 8, cells_z};
+    const auto mesh = snap_scene(scene, glm::dmat4(1.0), spec);
+    EXPECT_TRUE(mesh.ok());
+    const FillMesh fill = FillMesh::of(scene, glm::dmat4(1.0), spec, *mesh);
+    EXPECT_EQ(fill.triangle_count(), 2u);
+    return FillMesh::own_bytes(scene, *mesh);
+  };
+  EXPECT_EQ(own_bytes(24), 0);
+  EXPECT_EQ(own_bytes(8), 4 * 12 + 2 * 12);
+}
+
 TEST(SolidParts, distances_are_exact) {
   std::mt19937 random(3);
   for (int round = 0; round < 20; ++round) {

@@ -21,6 +21,10 @@ int32_t snap_anywhere(double p_grid, int dim, int sub_voxel_bits) {
   return static_cast<int32_t>(std::clamp(q, -double{kFillQMax}, double{kFillQMax}));
 }
 
+bool has_all_triangles(const Scene& scene, const SnappedMesh& mesh) {
+  return mesh.triangles.size() == scene.triangle_count() && mesh.clipped.empty();
+}
+
 }  // namespace
 
 void FillMesh::own(std::vector<glm::ivec3> vertices, std::vector<uint32_t> indices) {
@@ -37,7 +41,7 @@ FillMesh FillMesh::of(const Scene& scene, const glm::dmat4& world_from_file, con
   FillMesh fill;
   fill.sub_voxel_bits_ = limits::kSubVoxelBits;
   fill.mirrored_ = glm::determinant(world_from_file) < 0;
-  if (mesh.triangles.size() == scene.triangle_count() && mesh.clipped.empty()) {
+  if (has_all_triangles(scene, mesh)) {
     static_assert(sizeof(SnappedTriangle) % sizeof(uint32_t) == 0);
     fill.vertices_ = mesh.vertices;
     fill.triangle_count_ = mesh.triangles.size();
@@ -69,6 +73,12 @@ FillMesh FillMesh::of(const Scene& scene, const glm::dmat4& world_from_file, con
   }
   fill.own(std::move(vertices), std::move(indices));
   return fill;
+}
+
+int64_t FillMesh::own_bytes(const Scene& scene, const SnappedMesh& mesh) {
+  if (has_all_triangles(scene, mesh)) return 0;
+  return static_cast<int64_t>(scene.vertex_count() * sizeof(glm::ivec3) +
+                              scene.triangle_count() * 3 * sizeof(uint32_t));
 }
 
 FillMesh FillMesh::scaled(int bits) const {

@@ -35,6 +35,8 @@ class FillMesh {
   // clipped. Coordinates more than kFillCellsMax cells away from cell 0 are clamped to that.
   static FillMesh of(const Scene& scene, const glm::dmat4& world_from_file, const GridSpec& spec,
                      const SnappedMesh& mesh);
+  // The bytes that such a mesh takes beside `mesh`: none if it borrows that.
+  static int64_t own_bytes(const Scene& scene, const SnappedMesh& mesh);
   // The same triangles in a grid with 2^bits cells where there was one on each axis. They are not
   // snapped again. Borrows this mesh, which must outlive the result. bits: 0 to sub_voxel_bits().
   FillMesh scaled(int bits) const;
