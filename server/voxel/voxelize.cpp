@@ -13,7 +13,6 @@
 #include "server/voxel/frames/frame_vertices.h"
 #include "server/voxel/pipelines/device_faults.h"
 #include "server/voxel/pipelines/fallback.h"
-#include "server/voxel/solid/auto_sign.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
 
@@ -184,9 +183,9 @@ Result<int64_t> Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh
   }
   const bool needs_sign =
       channels.grid.distance || options.fill == Fill::kSolid || options.fill == Fill::kShell;
-  if (needs_sign && options.sign == Sign::kAuto) {
-    bytes += auto_sign_bytes(placed.spec.dims, static_cast<int64_t>(mesh.triangles.size()),
-                             surface.bytes(WantedChannels()));
+  if (needs_sign) {
+    bytes += sign_bytes(placed.spec, options.sign, static_cast<int64_t>(scene.triangle_count()),
+                        surface.bytes(WantedChannels()));
   }
   if (needs_all_tiles(options, channels)) bytes += FillMesh::own_bytes(scene, mesh);
   // The cells of a band are estimated by that mesh, which is made for it.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -9,12 +10,14 @@
 #include "proto/options/values.h"
 #include "server/base/cancel_point.h"
 #include "server/base/clock.h"
+#include "server/base/pieces.h"
 #include "server/voxel/pipelines/fallback.h"
 #include "server/voxel/solid/auto_sign.h"
 #include "server/voxel/solid/distance/distance_field.h"
 #include "server/voxel/solid/distance/distance_maker.h"
 #include "server/voxel/solid/flood.h"
 #include "server/voxel/solid/inside/boundary.h"
+#include "server/voxel/solid/inside/winding_field.h"
 #include "server/voxel/solid/interior.h"
 #include "server/voxel/solid/merge.h"
 #include "server/voxel/solid/regions.h"
@@ -45,6 +48,13 @@ bool has_cells_beside(const std::vector<SparseTile>& cells, const SurfaceTiles& 
   return false;
 }
 
+// The number of triangles of closing_cones().
+int64_t cone_count(const std::vector<BoundaryEdge>& boundary) {
+  int64_t count = 0;
+  for_each_in_pieces(std::span(boundary), [&](const BoundaryEdge& edge) { count += edge.count; });
+  return count;
+}
+
 double share(int64_t part, int64_t whole) {
   return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
 }
@@ -72,14 +82,21 @@ class SolidFiller::TouchCells {
   std::optional<std::vector<SparseTile>> made_;
 };
 
-Sign SolidFiller::choose(const Work& work, FillStats& fill) const {
+Result<Sign> SolidFiller::choose(const Work& work, FillStats& fill) const {
   fill.sign = work.plan.options.sign;
   fill.reason = "asked for";
   if (fill.sign != Sign::kAuto && fill.sign != Sign::kWinding) return fill.sign;
-  fill.boundary_edges = static_cast<int64_t>(boundary_edges(work.mesh).size());
-  const bool closed = fill.boundary_edges == 0;
+  const std::vector<BoundaryEdge> boundary = boundary_edges(work.mesh);
+  fill.boundary_edges = static_cast<int64_t>(boundary.size());
+  const bool closed = boundary.empty();
   if (closed) fill.ambiguous_fraction = 0.0;
-  if (fill.sign == Sign::kWinding || !closed) return fill.sign;
+  if (fill.sign == Sign::kWinding) {
+    const VoxelizePlan& plan = work.plan;
+    const int64_t bytes = mesh_bytes(plan.scene) + WindingField::bytes_for(cone_count(boundary));
+    VOXELD_TRY(check_host_bytes(plan.spec, bytes, host_bytes_max_));
+    return fill.sign;
+  }
+  if (!closed) return fill.sign;
   fill.sign = Sign::kNonzero;
   fill.reason = "nonzero: the mesh is closed and consistently oriented";
   return Sign::kNonzero;
@@ -145,7 +162,7 @@ Status SolidFiller::fall_back(const VoxelizePlan& plan, const Error& error,
 Result<std::vector<SparseTile>> SolidFiller::find_signed(const Work& work) {
   Stopwatch watch;
   FillStats& fill = work.stats.fill.emplace();
-  const Sign sign = choose(work, fill);
+  VOXELD_ASSIGN(const Sign sign, choose(work, fill));
   add_stage(work.stats.passes, "sign", watch.lap());
   const double before = total(work.stats.passes);
   std::vector<SparseTile> found;
@@ -276,6 +293,12 @@ Status check_distance_unit(const GridSpec& spec, DistanceUnit unit) {
                "distance=world: the longest edge of a voxel, divided by the shortest",
                "at most " + std::to_string(limits::kDistanceAspectMax),
                option_values::to_text(aspect)};
+}
+
+int64_t sign_bytes(const GridSpec& spec, Sign sign, int64_t triangles, int64_t surface_bytes) {
+  if (sign == Sign::kAuto) return auto_sign_bytes(spec.dims, triangles, surface_bytes);
+  // It is more than the lists take that find the boundary.
+  return sign == Sign::kWinding ? WindingField::bytes_for(triangles) : 0;
 }
 
 int64_t distance_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,

@@ -19,7 +19,8 @@ class SolidFiller {
  public:
   // device: finds the inside; null leaves that to `finder`, whose threads are used for all else,
   // too. The CPU always chooses the sign of `auto`, measures distances and unites tiles.
-  // host_bytes_max: limit for memory whose size is known only once the inside is.
+  // host_bytes_max: limit for memory whose size is known only once the mesh's boundary or the
+  // inside is.
   SolidFiller(InsideFinder& finder, int64_t host_bytes_max, DeviceInside* device = nullptr)
       : finder_(finder), team_(finder.team()), host_bytes_max_(host_bytes_max), device_(device) {}
 
@@ -31,8 +32,8 @@ class SolidFiller {
   // volumes are added if the plan wants them. Distances are measured for Fill::kSurface too, whose
   // tiles must be in Morton order. `touch` is called if the fill needs the cells of rule=touch and
   // `tiles` holds others. Errors: those of `touch` and `progress`, which is called with tile
-  // columns done of tile_column_count(); grid-too-large if attributes of the inside need too much
-  // memory.
+  // columns done of tile_column_count(); grid-too-large if attributes of the inside, or winding
+  // numbers, need too much memory.
   Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
@@ -48,8 +49,8 @@ class SolidFiller {
     VoxelizeStats& stats;
   };
 
-  // The sign to take for the plan's; kAuto if the mesh is not closed.
-  Sign choose(const Work& work, FillStats& fill) const;
+  // The sign to take for the plan's; kAuto if the mesh is not closed. Errors: grid-too-large.
+  Result<Sign> choose(const Work& work, FillStats& fill) const;
   // The inside by a sign other than kAuto. keeps_doubtful: as in InsideJob.
   Result<std::vector<SparseTile>> inside(const Work& work, Sign sign, bool keeps_doubtful,
                                          AxisVotes& votes);
@@ -79,6 +80,10 @@ class SolidFiller {
 // Checks that a unit of distances suits the voxels. Errors: invalid-option if their edges
 // differ by more than limits::kDistanceAspectMax.
 Status check_distance_unit(const GridSpec& spec, DistanceUnit unit);
+
+// An upper estimate of the bytes that a sign takes. surface_bytes: of the touched tiles. Winding
+// numbers of meshes with more open edges than triangles take more, which SolidFiller checks.
+int64_t sign_bytes(const GridSpec& spec, Sign sign, int64_t triangles, int64_t surface_bytes);
 
 // An upper estimate of the bytes that distances and bands need in addition to surface and inside.
 int64_t distance_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,

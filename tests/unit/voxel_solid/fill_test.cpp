@@ -318,6 +318,36 @@ TEST(Fill, estimates_cover_the_needs_of_a_fill) {
   EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
 }
 
+// Triangles that share no edges.
+Scene separate_triangles(int side) {
+  Scene scene;
+  MeshPart& part = scene.parts.emplace_back();
+  for (int i = 0; i < side * side * side; ++i) {
+    const glm::dvec3 p(i % side, i / side % side, i / side / side);
+    for (const glm::dvec3& corner : {p, p + glm::dvec3(0.3, 0, 0), p + glm::dvec3(0, 0.3, 0)}) {
+      part.indices.push_back(static_cast<uint32_t>(part.positions.size()));
+      part.positions.push_back(corner);
+    }
+  }
+  return scene;
+}
+
+TEST(Fill, winding_numbers_count_as_memory_and_are_refused_once_the_open_edges_are_known) {
+  const Scene scene = separate_triangles(35);
+  const auto count = static_cast<int64_t>(scene.triangle_count());
+  Voxelizer voxelizer(nullptr, 2);
+  VoxelizeOptions options = solid(Sign::kParity);
+  options.placement.size = 16;
+  const int64_t parity = voxelizer.estimate(scene, options)->host_bytes;
+  options.sign = Sign::kWinding;
+  const int64_t winding = voxelizer.estimate(scene, options)->host_bytes;
+  EXPECT_GT(winding, parity + 300 * count);
+  voxelizer.set_host_bytes_max(winding);  // there are three open edges for each triangle
+  const auto refused = voxelizer.voxelize(scene, options, {}, nullptr);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
+}
+
 TEST(Fill, the_daemon_keeps_its_voxelizer_from_one_fill_to_the_next) {
   const Scene open = open_sphere(), closed = wavy_sphere(3);
   Voxelizer voxelizer(nullptr, 2);
