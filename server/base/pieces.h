@@ -71,12 +71,20 @@ void reserve_in_pieces(std::vector<T, Allocator>& values, size_t count) {
   free_in_pieces(larger);
 }
 
+// Makes room for `more` elements, of an array that grows step by step.
+template <typename T, typename Allocator>
+void make_room_in_pieces(std::vector<T, Allocator>& values, size_t more) {
+  const size_t count = values.size() + more;
+  if (count <= values.capacity()) return;
+  reserve_in_pieces(values, std::max<size_t>({count, 2 * values.size(), 8}));
+}
+
 // values.push_back(value), for an array that may become large.
 template <typename T, typename Allocator>
 void push_in_pieces(std::vector<T, Allocator>& values, const T& value) {
   if (values.size() == values.capacity()) {
     const T copy = value;  // it may be an element
-    reserve_in_pieces(values, std::max<size_t>(2 * values.size(), 8));
+    make_room_in_pieces(values, 1);
     values.push_back(copy);
     return;
   }

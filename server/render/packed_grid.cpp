@@ -177,7 +177,7 @@ class Packer {
       return;
     }
     tile_table_ = packed_.nodes.size();
-    packed_.nodes.resize(tile_table_ + RAYMARCH_TILE_ENTRIES);
+    add_nodes(RAYMARCH_TILE_ENTRIES);
     packed_.nodes[tile_entry] = RAYMARCH_CHILD | static_cast<uint32_t>(tile_table_);
     for (const FullNode& node : tile.full) add_full(node);
     copy_attributes(tile);
@@ -185,6 +185,11 @@ class Packer {
       add_brick(tile.brick_morton[brick], tile.masks[brick]);
     }
     finish_tile();
+  }
+
+  void add_nodes(size_t count) {
+    make_room_in_pieces(packed_.nodes, count);
+    packed_.nodes.resize(packed_.nodes.size() + count);
   }
 
   // Offset of the block's entry in the tile's table.
@@ -197,7 +202,7 @@ class Packer {
     const size_t entry = block_entry(brick);
     if (packed_.nodes[entry] == 0) {
       packed_.nodes[entry] = RAYMARCH_CHILD | static_cast<uint32_t>(packed_.nodes.size());
-      packed_.nodes.resize(packed_.nodes.size() + RAYMARCH_BLOCK_WORDS);
+      add_nodes(RAYMARCH_BLOCK_WORDS);
     }
     const size_t table = packed_.nodes[entry] & ~RAYMARCH_CHILD;
     return packed_.nodes[table + linear_index(brick % kBricksPerSide, glm::ivec3(kBricksPerSide))];

@@ -22,17 +22,19 @@ constexpr size_t kThreadsMax = 8;
 // Appends the ends of one part, shifted behind those of the parts before.
 void append_ends(std::vector<uint32_t>& firsts, const std::vector<uint32_t>& ends) {
   const uint32_t base = firsts.back();
-  for (const uint32_t end : ends) firsts.push_back(base + end);
+  make_room_in_pieces(firsts, ends.size());
+  for_each_in_pieces(std::span(ends), [&](uint32_t end) { firsts.push_back(base + end); });
 }
 
 template <typename T>
 void append(std::vector<T>& to, std::vector<T>& from) {
   if (to.empty()) {
     to = std::move(from);
-  } else {
-    to.insert(to.end(), from.begin(), from.end());
+    return;
   }
-  from = {};
+  make_room_in_pieces(to, from.size());
+  for_each_in_pieces(std::span<const T>(from), [&](const T& value) { to.push_back(value); });
+  free_in_pieces(from);
 }
 
 // Transforms a point by the upper three rows of world_from_bound.

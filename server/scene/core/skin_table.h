@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "proto/result.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/scene.h"
 
 namespace voxeld {
@@ -42,8 +43,8 @@ struct SkinPart {
   std::vector<uint32_t> influence_ends, morph_ends;  // per vertex
 
   void end_vertex() {
-    influence_ends.push_back(static_cast<uint32_t>(influences.size()));
-    morph_ends.push_back(static_cast<uint32_t>(morphs.size()));
+    push_in_pieces(influence_ends, static_cast<uint32_t>(influences.size()));
+    push_in_pieces(morph_ends, static_cast<uint32_t>(morphs.size()));
   }
 };
 

@@ -82,6 +82,7 @@ void BasicVertexTable<kWords>::grow() {
     larger[at] = slot;
   }
   slots_.swap(larger);
+  free_in_pieces(larger);
 }
 
 template class BasicVertexTable<4>;

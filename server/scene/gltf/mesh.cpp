@@ -256,17 +256,18 @@ class Vertices {
 
   Status append_to_rig(const VertexSource& source, const VertexMatrices& matrices, uint32_t index,
                        SkinPart& skin) const {
-    skin.points.emplace_back(source.position.vector(index));
-    skin.normals.emplace_back(source.normal ? source.normal->vector(index) : glm::dvec4(0.0));
+    push_in_pieces(skin.points, glm::dvec3(source.position.vector(index)));
+    push_in_pieces(skin.normals,
+                   glm::vec3(source.normal ? source.normal->vector(index) : glm::dvec4(0.0)));
     for (const auto& [matrix, weight] : matrices.used()) {
-      skin.influences.push_back({matrix, weight / matrices.weight_sum});
+      push_in_pieces(skin.influences, {matrix, weight / matrices.weight_sum});
     }
     for (const VertexSource::Target& target : source.targets) {
       MorphDelta delta{.weight = source.first_weight + target.number};
       if (target.position) delta.position = glm::vec3(target.position->vector(index));
       if (target.normal) delta.normal = glm::vec3(target.normal->vector(index));
       if (delta.position == glm::vec3(0.0f) && delta.normal == glm::vec3(0.0f)) continue;
-      skin.morphs.push_back(delta);
+      push_in_pieces(skin.morphs, delta);
     }
     return rig_.end_vertex(skin);
   }

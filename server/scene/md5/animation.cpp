@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld {
@@ -180,7 +182,7 @@ class Md5AnimReader {
             std::to_string(count) + " numbers", token);
       }
       VOXELD_ASSIGN(const double value, lexer_.number("a number of a frame"));
-      anim_.components.push_back(static_cast<float>(value));
+      push_in_pieces(anim_.components, static_cast<float>(value));
     }
     return lexer_.expect(
         '}', "frame " + std::to_string(number) + " of " + std::to_string(count) + " numbers");
@@ -205,6 +207,7 @@ class Md5AnimReader {
     std::vector<float> sorted;
     sorted.reserve(anim_.components.size());
     for (const auto& from : place) {
+      cancel_point();
       const auto begin = anim_.components.begin() + static_cast<ptrdiff_t>(*from * width);
       sorted.insert(sorted.end(), begin, begin + static_cast<ptrdiff_t>(width));
     }

@@ -98,6 +98,9 @@ MeshPart md5_mesh_part(const Md5Part& part, const std::vector<Md5Joint>& joints)
   const std::vector<glm::dvec3> normals = md5_normals(positions, part.indices);
   MeshPart out;
   out.name = part.name.empty() ? part.shader : part.name;
+  out.positions.reserve(positions.size());
+  out.normals.reserve(positions.size());
+  out.uvs.reserve(positions.size());
   for (size_t v = 0; v < positions.size(); ++v) {
     cancel_point();
     out.positions.push_back(y_up_from_z_up(positions[v]));

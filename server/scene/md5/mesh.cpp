@@ -8,6 +8,7 @@
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld {
@@ -22,7 +23,8 @@ constexpr int64_t kVertexBytesMin = 14, kTriangleBytesMin = 11, kWeightBytesMin 
 // Sorts entries by their numbers, if these are 0..n-1, each once. Otherwise returns false.
 template <typename Entry>
 bool sort_by_number(std::vector<Entry>& entries, const std::vector<uint32_t>& numbers) {
-  std::vector<uint8_t> seen(entries.size());
+  std::vector<uint8_t> seen;
+  resize_in_pieces(seen, entries.size());
   bool in_order = true;
   for (size_t i = 0; i < numbers.size(); ++i) {
     cancel_point();
@@ -31,7 +33,8 @@ bool sort_by_number(std::vector<Entry>& entries, const std::vector<uint32_t>& nu
     in_order = in_order && numbers[i] == i;
   }
   if (in_order) return true;
-  std::vector<Entry> sorted(entries.size());
+  std::vector<Entry> sorted;
+  resize_in_pieces(sorted, entries.size());
   for (size_t i = 0; i < numbers.size(); ++i) {
     cancel_point();
     sorted[numbers[i]] = entries[i];

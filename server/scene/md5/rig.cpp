@@ -8,6 +8,7 @@
 #include "proto/file_names/file_names.h"
 #include "proto/text/text_file.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/md5/load.h"
@@ -43,9 +44,9 @@ Status add_part(std::string_view name, const Md5Mesh& mesh, const Md5Part& part,
     for (uint32_t i = 0; i < vertex.weight_count; ++i) {
       const Md5Weight& weight = part.weights[vertex.first_weight + i];
       const glm::dquat& bound = mesh.joints[weight.joint].orientation;
-      out.influences.push_back({weight.joint, weight.bias});
-      out.points.push_back(weight.position);
-      out.normals.emplace_back(glm::conjugate(bound) * normals[v]);
+      push_in_pieces(out.influences, {weight.joint, weight.bias});
+      push_in_pieces(out.points, weight.position);
+      push_in_pieces(out.normals, glm::vec3(glm::conjugate(bound) * normals[v]));
       sum += weight.bias;
     }
     if (std::abs(sum - 1.0) > kUnevenWeights) ++uneven_count;

@@ -7,6 +7,7 @@
 
 #include "proto/limits.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/ply/source.h"
@@ -221,6 +222,9 @@ class PlyBodyReader {
                             "not all of them");
     }
     mesh_.positions.reserve(element_->count);
+    if (roles.has(kNx, kNz)) mesh_.normals.reserve(element_->count);
+    if (roles.has(kU, kV)) mesh_.uvs.reserve(element_->count);
+    if (roles.has_colors()) mesh_.colors.reserve(element_->count);
     Values values{};
     for (index_ = 0; index_ < element_->count; ++index_) {
       cancel_point();
@@ -303,6 +307,7 @@ class PlyBodyReader {
     VOXELD_ASSIGN(const size_t indices_at, indices_property());
     mesh_.face_sizes.reserve(element_->count);
     mesh_.corners.reserve(element_->count * 3);
+    if (roles.has_colors()) mesh_.face_colors.reserve(element_->count);
     Values values{};
     for (index_ = 0; index_ < element_->count; ++index_) {
       cancel_point();
@@ -330,7 +335,7 @@ class PlyBodyReader {
       double value = 0.0;
       VOXELD_TRY(read_number(property.type, property.name, value));
       VOXELD_TRY(check_index(value));
-      mesh_.corners.push_back(static_cast<uint32_t>(value));
+      push_in_pieces(mesh_.corners, static_cast<uint32_t>(value));
     }
     return {};
   }
@@ -394,7 +399,7 @@ class PlyBodyReader {
   // Strips repeat corners to go on elsewhere; such triangles have no area.
   Status add_strip_triangle(uint32_t a, uint32_t b, uint32_t c) {
     if (a == b || b == c || c == a) return {};
-    strip_corners_.insert(strip_corners_.end(), {a, b, c});
+    for (const uint32_t corner : {a, b, c}) push_in_pieces(strip_corners_, corner);
     const auto count = static_cast<int64_t>(strip_corners_.size() / 3);
     if (count <= limits::kTrianglesMax) return {};
     return over_limit(name_, source_.where(), "too many triangles", limits::kTrianglesMax, count);
@@ -402,12 +407,14 @@ class PlyBodyReader {
 
   // Makes faces of the strips, without attributes.
   void append_strips() {
-    mesh_.corners.insert(mesh_.corners.end(), strip_corners_.begin(), strip_corners_.end());
-    mesh_.face_sizes.resize(mesh_.face_sizes.size() + strip_corners_.size() / 3, 3);
-    const size_t count = mesh_.face_sizes.size();
-    if (!mesh_.face_colors.empty()) mesh_.face_colors.resize(count, glm::vec4(1.0f));
-    if (!mesh_.face_textures.empty()) mesh_.face_textures.resize(count);
-    if (!mesh_.corner_uvs.empty()) mesh_.corner_uvs.resize(mesh_.corners.size());
+    reserve_in_pieces(mesh_.corners, mesh_.corners.size() + strip_corners_.size());
+    for_each_in_pieces(std::span<const uint32_t>(strip_corners_),
+                       [&](uint32_t corner) { mesh_.corners.push_back(corner); });
+    const size_t count = mesh_.face_sizes.size() + strip_corners_.size() / 3;
+    resize_in_pieces(mesh_.face_sizes, count, uint32_t{3});
+    if (!mesh_.face_colors.empty()) resize_in_pieces(mesh_.face_colors, count, glm::vec4(1.0f));
+    if (!mesh_.face_textures.empty()) resize_in_pieces(mesh_.face_textures, count);
+    if (!mesh_.corner_uvs.empty()) resize_in_pieces(mesh_.corner_uvs, mesh_.corners.size());
   }
 
   Status read_face_property(size_t i, const Roles& roles, Values& values) {
@@ -445,9 +452,9 @@ class PlyBodyReader {
       ++mesh_.skipped_face_count;
       return {};
     }
-    mesh_.face_sizes.push_back(static_cast<uint32_t>(corner_count));
-    if (roles.has_colors()) mesh_.face_colors.push_back(raw_color(values, roles));
-    if (has_texture_) mesh_.face_textures.push_back(texture_);
+    push_in_pieces(mesh_.face_sizes, static_cast<uint32_t>(corner_count));
+    if (roles.has_colors()) push_in_pieces(mesh_.face_colors, raw_color(values, roles));
+    if (has_texture_) push_in_pieces(mesh_.face_textures, texture_);
     if (!has_texcoord_) return {};
     if (!texcoord_.empty() && texcoord_.size() != 2 * corner_count) {
       return malformed("texcoord", std::to_string(2 * corner_count) + " numbers",
@@ -455,7 +462,7 @@ class PlyBodyReader {
     }
     texcoord_.resize(2 * corner_count, 0.0f);
     for (size_t i = 0; i < corner_count; ++i) {
-      mesh_.corner_uvs.emplace_back(texcoord_[2 * i], texcoord_[2 * i + 1]);
+      push_in_pieces(mesh_.corner_uvs, {texcoord_[2 * i], texcoord_[2 * i + 1]});
     }
     return {};
   }

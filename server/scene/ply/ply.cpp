@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/polygon_sink.h"
 #include "server/scene/images/textures.h"
@@ -57,15 +58,12 @@ Result<MeshPart> shared_part(std::string_view name, PlyMesh& mesh, TriangleData&
     local.clear();
     VOXELD_TRY(sink.add_face({mesh.corners.data() + first, size}, part,
                              mesh.corner_uvs.empty() ? nullptr : &local));
-    const size_t count = size - 2;
-    if (!mesh.face_colors.empty()) {
-      triangles.colors.insert(triangles.colors.end(), count, mesh.face_colors[face]);
-    }
-    if (!mesh.face_textures.empty()) {
-      triangles.textures.insert(triangles.textures.end(), count, mesh.face_textures[face]);
+    for (size_t i = 2; i < size; ++i) {
+      if (!mesh.face_colors.empty()) push_in_pieces(triangles.colors, mesh.face_colors[face]);
+      if (!mesh.face_textures.empty()) push_in_pieces(triangles.textures, mesh.face_textures[face]);
     }
     for (const uint32_t corner : local) {
-      triangles.corner_uvs.push_back(texel_uv(mesh.corner_uvs[first + corner]));
+      push_in_pieces(triangles.corner_uvs, texel_uv(mesh.corner_uvs[first + corner]));
     }
     first += size;
   }
@@ -84,11 +82,11 @@ std::vector<MeshPart> split_by_texture(MeshPart part, const std::vector<int>& te
     if (is_new) parts.emplace_back().material = texture;
     MeshPart& out = parts[found->second];
     for (size_t k = 3 * i; k < 3 * i + 3; ++k) {
-      out.indices.push_back(static_cast<uint32_t>(out.positions.size()));
-      out.positions.push_back(part.positions[k]);
-      out.uvs.push_back(part.uvs[k]);
-      if (!part.normals.empty()) out.normals.push_back(part.normals[k]);
-      if (!part.colors.empty()) out.colors.push_back(part.colors[k]);
+      push_in_pieces(out.indices, static_cast<uint32_t>(out.positions.size()));
+      push_in_pieces(out.positions, part.positions[k]);
+      push_in_pieces(out.uvs, part.uvs[k]);
+      if (!part.normals.empty()) push_in_pieces(out.normals, part.normals[k]);
+      if (!part.colors.empty()) push_in_pieces(out.colors, part.colors[k]);
     }
   }
   return parts;

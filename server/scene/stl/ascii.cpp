@@ -6,6 +6,7 @@
 
 #include "proto/limits.h"
 #include "proto/text/client_texts.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/core/vertex_table.h"
@@ -286,15 +287,17 @@ class StlTextReader {
 
   void add_facet(MeshPart& part, Corner (&corners)[3], std::optional<uint32_t> color) {
     const bool is_colored = color || !part.colors.empty();
-    if (color && part.colors.empty()) part.colors.assign(part.positions.size(), glm::vec4(1.0f));
+    if (color && part.colors.empty()) {
+      resize_in_pieces(part.colors, part.positions.size(), glm::vec4(1.0f));
+    }
     for (Corner& corner : corners) {
       corner.key[6] = color ? *color | 0x8000 : 0;
       const auto index = static_cast<uint32_t>(part.positions.size());
       const auto [found, is_new] = table_.find_or_add(corner.key, index);
-      part.indices.push_back(found);
+      push_in_pieces(part.indices, found);
       if (!is_new) continue;
-      part.positions.push_back(corner.position);
-      if (is_colored) part.colors.push_back(color ? stl_color(*color) : glm::vec4(1.0f));
+      push_in_pieces(part.positions, corner.position);
+      if (is_colored) push_in_pieces(part.colors, color ? stl_color(*color) : glm::vec4(1.0f));
     }
   }
 

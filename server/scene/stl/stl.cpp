@@ -26,6 +26,7 @@
 #include "proto/limits.h"
 #include "proto/text/text_file.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
@@ -111,8 +112,8 @@ Status add_facet(std::string_view name, uint32_t number, const uint8_t* facet,
     const auto next = static_cast<uint32_t>(part.positions.size());
     const auto [index, is_new] = table.find_or_add(key, next);
     if (is_new) {
-      part.positions.push_back(p);
-      if (colors.any()) part.colors.push_back(colors.color(attribute));
+      push_in_pieces(part.positions, p);
+      if (colors.any()) push_in_pieces(part.colors, colors.color(attribute));
     }
     part.indices.push_back(index);
   }

@@ -5,6 +5,7 @@
 
 #include "proto/limits.h"
 #include "proto/text/number_text.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
@@ -211,7 +212,7 @@ class ModelReader {
     VOXELD_ASSIGN(p.x, coordinate(at, "x"));
     VOXELD_ASSIGN(p.y, coordinate(at, "y"));
     VOXELD_ASSIGN(p.z, coordinate(at, "z"));
-    object_->vertices.push_back(p);
+    push_in_pieces(object_->vertices, p);
     return {};
   }
 
@@ -224,7 +225,7 @@ class ModelReader {
     Object& object = *object_;
     for (const char* name : {"v1", "v2", "v3"}) {
       VOXELD_ASSIGN(const uint32_t corner, number(at, name));
-      object.corners.push_back(corner);
+      push_in_pieces(object.corners, corner);
     }
     if (!at.attribute("p1") && object.properties.empty()) return {};
     // Without p1 a triangle has the object's property, whatever its pid says.
@@ -233,14 +234,14 @@ class ModelReader {
       VOXELD_ASSIGN(property.group, number_or(at, "pid", object.property.group));
       VOXELD_ASSIGN(property.index, number(at, "p1"));
     }
-    object.properties.resize(object.corners.size() - 3, object.property);
-    object.properties.push_back(property);
+    resize_in_pieces(object.properties, object.corners.size() - 3, object.property);
+    push_in_pieces(object.properties, property);
     for (const char* name : {"p2", "p3"}) {
       Property corner = property;
       if (at.attribute("p1")) {
         VOXELD_ASSIGN(corner.index, number_or(at, name, property.index));
       }
-      object.properties.push_back(corner);
+      push_in_pieces(object.properties, corner);
     }
     return {};
   }

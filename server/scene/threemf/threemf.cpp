@@ -14,6 +14,7 @@
 #include "proto/limits.h"
 #include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/name_list.h"
@@ -264,20 +265,20 @@ class PackageLoader {
     const auto next = static_cast<uint32_t>(part.positions.size());
     const auto [number, is_new] =
         open.vertices.find_or_add({vertex, used.group, used.index, 0}, next);
-    part.indices.push_back(number);
+    push_in_pieces(part.indices, number);
     if (!is_new) return {};
     if (++vertex_count_ > limits::kVerticesMax) {
       return over_limit(name_, "", "vertices of the build", limits::kVerticesMax, vertex_count_);
     }
-    part.positions.push_back(positions[vertex]);
+    push_in_pieces(part.positions, positions[vertex]);
     if (!has_attribute) return {};
     const auto group = model.groups.find(property.group);
     const size_t count = group == model.groups.end() ? 0
                          : surface.has_color         ? group->second.colors.size()
                                                      : group->second.uvs.size();
     if (property.index >= count) return wrong_property(model, property, count);
-    if (surface.has_color) part.colors.push_back(group->second.colors[property.index]);
-    if (surface.has_uv) part.uvs.push_back(group->second.uvs[property.index]);
+    if (surface.has_color) push_in_pieces(part.colors, group->second.colors[property.index]);
+    if (surface.has_uv) push_in_pieces(part.uvs, group->second.uvs[property.index]);
     return {};
   }
 

@@ -34,6 +34,18 @@ TEST(Pieces, make_the_arrays_that_the_functions_of_a_vector_make) {
   EXPECT_EQ(sorted, (std::vector<uint32_t>{1, 2, 3}));
 }
 
+TEST(Pieces, room_doubles_where_an_array_grows_step_by_step) {
+  std::vector<uint32_t> values{1, 2};
+  make_room_in_pieces(values, 100);
+  EXPECT_EQ(values.capacity(), 102u);
+  values.resize(90);
+  make_room_in_pieces(values, 12);
+  EXPECT_EQ(values.capacity(), 102u);
+  make_room_in_pieces(values, 13);
+  EXPECT_EQ(values.capacity(), 180u);
+  EXPECT_EQ(values[1], 2u);
+}
+
 TEST(Pieces, pushes_an_element_of_the_array_itself) {
   std::vector<uint32_t> values{1, 2};
   for (int i = 0; i < 100; ++i) push_in_pieces(values, values.front());

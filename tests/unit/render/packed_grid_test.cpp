@@ -9,6 +9,7 @@
 #include "server/base/cancel_point.h"
 #include "server/render/hull.h"
 #include "shaders/shared/raymarch.h"
+#include "tests/unit/base/points_passed.h"
 
 namespace voxeld {
 namespace {
@@ -200,6 +201,16 @@ TEST(PackGrid, can_be_cancelled) {
   const CancelScope scope(flag);
   EXPECT_THROW((void)pack_grid(grid), Cancelled);
   EXPECT_THROW((void)hull_points(grid), Cancelled);
+}
+
+TEST(PackGrid, tables_that_grow_can_be_cancelled) {
+  Grid grid;
+  grid.spec.dims = {256, 256, 256};
+  SparseTile& tile = grid.tiles.emplace_back();
+  for (uint32_t block = 0; block < 512; ++block) tile.full.push_back({64 * block, 0});
+  const int hull = test::points_passed([&] { (void)hull_points(grid); });
+  const int packed = test::points_passed([&] { EXPECT_TRUE(pack_grid(grid).ok()); });
+  EXPECT_GE(packed, hull + 5);
 }
 
 TEST(PackGrid, an_empty_grid_is_framed_whole) {

@@ -62,6 +62,15 @@ TEST(Md5Mesh, each_vertex_and_triangle_can_be_cancelled) {
   EXPECT_GE(test::points_passed([&] { (void)md5_normals(positions, part.indices); }), 1 + 3);
 }
 
+TEST(Md5Mesh, a_part_takes_the_room_of_its_vertices) {
+  const auto mesh = parse_md5_mesh("a.md5mesh", mesh_file(kMd5Triangle));
+  ASSERT_TRUE(mesh) << mesh.error().message();
+  const MeshPart part = md5_mesh_part(mesh->parts.at(0), mesh->joints);
+  EXPECT_EQ(part.positions.size(), 3u);
+  EXPECT_EQ(part.positions.capacity(), 3u);
+  EXPECT_EQ(part.uvs.capacity(), 3u);
+}
+
 TEST(Md5Mesh, comments_blanks_and_quotes_are_taken_as_the_game_takes_them) {
   const auto plain = parse_md5_mesh("a.md5mesh", mesh_file(kMd5Triangle));
   const auto odd = parse_md5_mesh(

@@ -485,6 +485,15 @@ std::string with_floats(std::string_view a, std::string_view b, std::string_view
   return w.bytes();
 }
 
+TEST(Ply, attributes_take_the_room_of_the_vertices_that_the_header_declares) {
+  const auto colored = load_text("a.ply", with_floats("red", "green", "blue"));
+  ASSERT_TRUE(colored) << colored.error().message();
+  EXPECT_EQ(colored->parts[0].colors.capacity(), 3u);
+  const auto shaded = load_text("a.ply", with_floats("nx", "ny", "nz"));
+  ASSERT_TRUE(shaded) << shaded.error().message();
+  EXPECT_EQ(shaded->parts[0].normals.capacity(), 3u);
+}
+
 TEST(Ply, each_colour_and_normal_can_be_cancelled) {
   const auto points = [](const std::string& file) {
     return test::points_passed([&] { EXPECT_TRUE(load_text("a.ply", file).ok()); });

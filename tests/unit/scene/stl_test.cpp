@@ -4,6 +4,8 @@
 
 #include <limits>
 
+#include "server/scene/core/vertex_table.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/scene/scene_test_util.h"
 
 namespace voxeld {
@@ -53,6 +55,24 @@ TEST(Stl, binary_vertices_are_welded) {
   EXPECT_EQ(scene->triangle_count(), 2u);
   EXPECT_TRUE(scene->parts[0].normals.empty());
   EXPECT_FALSE(scene->has_colors());
+}
+
+TEST(Stl, vertices_that_grow_can_be_cancelled) {
+  constexpr uint32_t kFacets = 100;
+  std::vector<Facet> facets;
+  for (uint32_t i = 0; i < kFacets; ++i) {
+    const auto z = static_cast<float>(i);
+    facets.push_back({{0, 0, z, 1, 0, z, 0, 1, z}});
+  }
+  const std::string file = stl_of(facets);
+  // The facets are looked at twice, and their vertices are put into a table.
+  const int others = test::points_passed([] {
+    VertexTable table(kFacets / 2);
+    for (uint32_t i = 0; i < 3 * kFacets; ++i) (void)table.find_or_add({i, 0, 0, 0}, i);
+  });
+  const int all = test::points_passed(
+      [&] { EXPECT_TRUE(load_stl_binary("a.stl", test::bytes_of(file)).ok()); });
+  EXPECT_GE(all, others + static_cast<int>(2 * kFacets) + 5);
 }
 
 TEST(Stl, a_header_that_begins_with_solid_may_be_binary) {

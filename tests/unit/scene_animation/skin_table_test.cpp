@@ -8,6 +8,7 @@
 
 #include "server/base/cancel_point.h"
 #include "server/scene/core/skin_table.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/scene/scene_test_util.h"
 
 namespace voxeld {
@@ -60,6 +61,13 @@ TEST(SkinTable, parts_stand_one_after_another) {
   EXPECT_EQ(table.influences[3].matrix, 3u);
   EXPECT_EQ(table.points[2].x, 3.0);
   EXPECT_EQ(table.vertex_count(), 3u);
+}
+
+TEST(SkinTable, joining_parts_can_be_cancelled) {
+  std::vector<SkinPart> parts(2);
+  for (SkinPart& part : parts) part.influences.resize(100'000);
+  const auto join = [&] { (void)join_skin_parts(std::move(parts), true); };
+  EXPECT_GE(test::points_passed(join), 100'000 / 4096);
 }
 
 // So many that threads share them; every vertex is where it would be alone.
