@@ -1,6 +1,9 @@
 #include "proto/text/text_file.h"
 
+#include <algorithm>
 #include <cstring>
+
+#include "proto/work_point.h"
 
 namespace voxeld {
 namespace {
@@ -9,7 +12,8 @@ char lower_ascii(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 
-constexpr uint32_t kReplacement = 0xfffd;  // for invalid characters
+constexpr uint32_t kReplacement = 0xfffd;        // for invalid characters
+constexpr size_t kPieceBytes = size_t{1} << 20;  // between two work points
 
 // Converts by RFC 2781. A surrogate without its pair becomes U+FFFD. An odd last byte stays as it
 // is, because some programs append a single ^Z or NUL.
@@ -19,9 +23,10 @@ std::string utf8_from_utf16(std::span<const uint8_t> bytes, bool big_endian) {
                       : uint32_t{bytes[i + 1]} << 8 | bytes[i];
   };
   std::string out;
-  out.reserve(bytes.size() / 2);
+  out.reserve(bytes.size() / 2 * 3 + 1);  // the most that units become; a copy would take long
   size_t at = 0;
-  while (at + 1 < bytes.size()) {
+  for (size_t characters = 0; at + 1 < bytes.size(); ++characters) {
+    work_point_at(characters);
     const uint32_t unit = unit_at(at);
     at += 2;
     if (unit < 0xd800 || unit > 0xdfff) {
@@ -40,8 +45,13 @@ std::string utf8_from_utf16(std::span<const uint8_t> bytes, bool big_endian) {
 // The first CR at or after `begin` that no LF follows; npos if there is none.
 size_t find_lone_cr(std::string_view text, size_t begin) {
   while (begin < text.size()) {
-    const void* found = std::memchr(text.data() + begin, '\r', text.size() - begin);
-    if (found == nullptr) return text.npos;
+    work_point();
+    const size_t bytes = std::min(text.size() - begin, kPieceBytes);
+    const void* found = std::memchr(text.data() + begin, '\r', bytes);
+    if (found == nullptr) {
+      begin += bytes;
+      continue;
+    }
     const auto at = static_cast<size_t>(static_cast<const char*>(found) - text.data());
     if (at + 1 == text.size() || text[at + 1] != '\n') return at;
     begin = at + 2;
@@ -53,6 +63,7 @@ size_t find_lone_cr(std::string_view text, size_t begin) {
 std::string_view without_padding(std::string_view text) {
   size_t end = text.size();
   for (size_t i = text.size(); i > 0; --i) {
+    work_point_at(i);
     const char c = text[i - 1];
     if (c == '\0' || c == '\x1a') {
       end = i - 1;
@@ -63,11 +74,22 @@ std::string_view without_padding(std::string_view text) {
   return text.substr(0, end);
 }
 
+std::string copied(std::string_view text) {
+  std::string out;
+  out.reserve(text.size());
+  for (; !text.empty(); text.remove_prefix(std::min(text.size(), kPieceBytes))) {
+    work_point();
+    out += text.substr(0, kPieceBytes);
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && (is_blank(text.front()) || text.front() == '\n')) text.remove_prefix(1);
-  while (!text.empty() && (is_blank(text.back()) || text.back() == '\n')) text.remove_suffix(1);
+  const auto is_cut = [](char c) { return is_blank(c) || c == '\n'; };
+  for (; !text.empty() && is_cut(text.front()); text.remove_prefix(1)) work_point_at(text.size());
+  for (; !text.empty() && is_cut(text.back()); text.remove_suffix(1)) work_point_at(text.size());
   return text;
 }
 
@@ -127,7 +149,7 @@ std::string_view plain_text(std::span<const uint8_t> bytes, std::string& storage
   text = without_padding(text);
   size_t cr = find_lone_cr(text, 0);
   if (cr == text.npos) return text;
-  storage = std::string(text);
+  storage = copied(text);
   for (; cr != storage.npos; cr = find_lone_cr(storage, cr + 1)) storage[cr] = '\n';
   return storage;
 }

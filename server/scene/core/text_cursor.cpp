@@ -61,25 +61,20 @@ std::optional<int64_t> parse_integer(std::string_view token) {
   return static_cast<int64_t>(*number);
 }
 
-namespace {
-
-// The first character from `at` on that `is_skipped` does not hold for, or `end`.
-template <typename IsSkipped>
-const char* skipped(const char* at, const char* end, const IsSkipped& is_skipped) {
-  constexpr ptrdiff_t kPieceBytes = ptrdiff_t{1} << 16;  // between two cancellation points
-  for (;;) {
-    const char* const stop = at + std::min(end - at, kPieceBytes);
-    while (at != stop && is_skipped(*at)) ++at;
-    if (at != stop || at == end) return at;
+const char* find_newline(const char* at, const char* end) {
+  constexpr ptrdiff_t kPieceBytes = ptrdiff_t{1} << 20;  // between two cancellation points
+  while (at != end) {
     cancel_point();
+    const ptrdiff_t bytes = std::min(end - at, kPieceBytes);
+    const void* found = std::memchr(at, '\n', static_cast<size_t>(bytes));
+    if (found != nullptr) return static_cast<const char*>(found);
+    at += bytes;
   }
+  return end;
 }
 
-}  // namespace
-
 void TextCursor::skip_comment() {
-  const void* newline = std::memchr(at_, '\n', bytes_left());
-  at_ = newline != nullptr ? static_cast<const char*>(newline) : end_;
+  at_ = find_newline(at_, end_);
 }
 
 std::string_view TextCursor::take_word() {
@@ -120,9 +115,8 @@ std::string_view TextCursor::token_on_line() {
 std::string_view TextCursor::rest_of_line() {
   cancel_point();
   const char* begin = at_;
-  const void* newline = std::memchr(at_, '\n', bytes_left());
   token_line_ = line_;
-  const char* stop = newline != nullptr ? static_cast<const char*>(newline) : end_;
+  const char* stop = find_newline(at_, end_);
   at_ = stop;
   if (at_ != end_) {
     ++at_;

@@ -1,13 +1,16 @@
 // Reads numbers and words from the text of a mesh file, without copies and independent of locales.
 #pragma once
 
+#include <algorithm>
 #include <charconv>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string_view>
 
 #include "proto/text/text_file.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 
@@ -20,15 +23,30 @@ std::optional<double> parse_number_or_nan(std::string_view token);
 // The integer that is the whole of `token`. 12.0 is accepted, because some PLY files write it.
 std::optional<int64_t> parse_integer(std::string_view token);
 
+// The first character from `at` on that `is_skipped` does not hold for, or `end`.
+template <typename IsSkipped>
+const char* skipped(const char* at, const char* end, const IsSkipped& is_skipped) {
+  constexpr ptrdiff_t kPieceBytes = ptrdiff_t{1} << 16;  // between two cancellation points
+  for (;;) {
+    const char* const stop = at + std::min(end - at, kPieceBytes);
+    while (at != stop && is_skipped(*at)) ++at;
+    if (at != stop || at == end) return at;
+    cancel_point();
+  }
+}
+// The next newline from `at` on, or `end`.
+const char* find_newline(const char* at, const char* end);
+
 // Reads the words of one line from the left.
 class LineCursor {
  public:
   explicit LineCursor(std::string_view line) : at_(line.data()), end_(line.data() + line.size()) {}
   // The next word; empty at the end of the line.
   std::string_view token() {
+    cancel_point();
     skip_blanks();
     const char* begin = at_;
-    while (at_ != end_ && !is_blank(*at_)) ++at_;
+    at_ = skipped(at_, end_, [](char c) { return !is_blank(c); });
     return {begin, static_cast<size_t>(at_ - begin)};
   }
   // The rest of the line, trimmed.
@@ -44,7 +62,7 @@ class LineCursor {
 
  private:
   void skip_blanks() {
-    while (at_ != end_ && is_blank(*at_)) ++at_;
+    at_ = skipped(at_, end_, [](char c) { return is_blank(c); });
   }
   const char* at_;
   const char* end_;

@@ -5,6 +5,7 @@
 
 #include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 
@@ -32,16 +33,12 @@ Status Md5Lexer::skip_blanks() {
     const std::string_view two = text_.substr(at_, 2);
     if (c == '\n' || is_blank(c)) {
       line_ += c == '\n' ? 1 : 0;
-      ++at_;
+      cancel_point_at(++at_);
     } else if (two == "//") {
-      at_ = std::min(text_.find('\n', at_), text_.size());
+      const char* const begin = text_.data();
+      at_ = static_cast<size_t>(find_newline(begin + at_, begin + text_.size()) - begin);
     } else if (two == "/*") {
-      const size_t end = text_.find("*/", at_ + 2);
-      if (end == text_.npos) {
-        return malformed_line(name_, line_, "a comment without an end", "*/",
-                              "the end of the file");
-      }
-      for (; at_ < end + 2; ++at_) line_ += text_[at_] == '\n' ? 1 : 0;
+      VOXELD_TRY(skip_comment());
     } else {
       return {};
     }
@@ -49,12 +46,26 @@ Status Md5Lexer::skip_blanks() {
   return {};
 }
 
+Status Md5Lexer::skip_comment() {
+  cancel_point();
+  const int64_t first_line = line_;
+  for (at_ += 2; at_ < text_.size(); ++at_) {
+    cancel_point_at(at_);
+    line_ += text_[at_] == '\n' ? 1 : 0;
+    if (text_.substr(at_, 2) != "*/") continue;
+    at_ += 2;
+    return {};
+  }
+  return malformed_line(name_, first_line, "a comment without an end", "*/", "the end of the file");
+}
+
 Result<Md5Token> Md5Lexer::read_string() {
   const size_t begin = ++at_;
-  const size_t end = text_.find_first_of("\"\n", begin);
-  if (end == text_.npos || text_[end] == '\n') {
+  size_t end = begin;
+  while (end < text_.size() && text_[end] != '"' && text_[end] != '\n') cancel_point_at(++end);
+  if (end == text_.size() || text_[end] == '\n') {
     return malformed_line(name_, line_, "a string without an end", "\"",
-                          shown(text_.substr(begin, end == text_.npos ? end : end - begin)));
+                          shown(text_.substr(begin, end - begin)));
   }
   at_ = end + 1;
   return Md5Token{Md5Token::kString, text_.substr(begin, end - begin), line_};
@@ -74,7 +85,7 @@ Result<Md5Token> Md5Lexer::read() {
   while (at_ < text_.size() && !ends(text_[at_])) {
     const std::string_view two = text_.substr(at_, 2);
     if (two == "//" || two == "/*") break;
-    ++at_;
+    cancel_point_at(++at_);
   }
   return Md5Token{Md5Token::kWord, text_.substr(begin, at_ - begin), line_};
 }

@@ -59,6 +59,7 @@ class Md5Lexer {
  private:
   Result<Md5Token> read();
   Status skip_blanks();
+  Status skip_comment();
   Result<Md5Token> read_string();
 
   std::string name_;

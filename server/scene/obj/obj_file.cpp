@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <map>
 #include <utility>
@@ -20,6 +19,8 @@ namespace {
 // Distinct materials, and other names, in one file. More: malformed-mesh.
 constexpr size_t kNamesMax = 65'536;
 constexpr size_t kIgnoredWordsMax = 20;
+// Bytes of a keyword. A longer word is no statement: malformed-mesh.
+constexpr size_t kKeywordBytesMax = 80;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Statements that do not describe polygonal surfaces; they are skipped silently.
 constexpr std::string_view kSkipped[] = {"s",         "l",        "p",       "vp",     "mg",
@@ -84,12 +85,9 @@ class ObjReader {
 
   std::string_view next_physical_line() {
     ++line_;
-    const void* newline = std::memchr(left_.data(), '\n', left_.size());
-    const size_t end = newline == nullptr
-                           ? left_.size()
-                           : static_cast<size_t>(static_cast<const char*>(newline) - left_.data());
-    std::string_view line = left_.substr(0, end);
-    left_.remove_prefix(std::min(end + 1, left_.size()));
+    const char* const newline = find_newline(left_.data(), left_.data() + left_.size());
+    std::string_view line = left_.substr(0, static_cast<size_t>(newline - left_.data()));
+    left_.remove_prefix(std::min(line.size() + 1, left_.size()));
     if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
     return line;
   }
@@ -113,7 +111,9 @@ class ObjReader {
   static bool take_continuation(std::string_view& line) {
     if (line.empty() || (line.back() != '\\' && !is_blank(line.back()))) return false;
     std::string_view text = line;
-    while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+    for (; !text.empty() && is_blank(text.back()); text.remove_suffix(1)) {
+      cancel_point_at(text.size());
+    }
     if (text.empty() || text.back() != '\\') return false;
     LineCursor words(text);
     for (std::string_view word = words.token(); !word.empty(); word = words.token()) {
@@ -152,9 +152,10 @@ class ObjReader {
     if (std::find(std::begin(kSkipped), std::end(kSkipped), keyword) != std::end(kSkipped)) {
       return {};
     }
-    const bool word = keyword.find_first_not_of(
-                          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                          "0123456789_-.:") == keyword.npos;
+    const bool word =
+        keyword.size() <= kKeywordBytesMax &&
+        keyword.find_first_not_of(
+            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.:") == keyword.npos;
     if (!word) return malformed("not an OBJ statement", "a keyword such as v or f", shown(keyword));
     if (file_.ignored.size() < kIgnoredWordsMax &&
         std::find(file_.ignored.begin(), file_.ignored.end(), keyword) == file_.ignored.end()) {
@@ -230,6 +231,7 @@ class ObjReader {
       const auto [stop, error] = std::from_chars(text.data(), end, value, 16);
       if (error != std::errc() || stop != end) return;
       push_in_pieces(polypaint_, value);
+      cancel_point_at(polypaint_.size());
     }
   }
 

@@ -62,6 +62,16 @@ TEST(Md5Mesh, each_vertex_and_triangle_can_be_cancelled) {
   EXPECT_GE(test::points_passed([&] { (void)md5_normals(positions, part.indices); }), 1 + 3);
 }
 
+TEST(Md5Lexer, blanks_comments_and_words_of_any_length_can_be_cancelled) {
+  constexpr size_t kMebi = size_t{1} << 20;
+  const std::string letters(kMebi, 'x');
+  for (const std::string& text : {std::string(kMebi, ' '), "//" + std::string(16 * kMebi, 'x'),
+                                  "/*" + letters + "*/", "\"" + letters + "\"", letters}) {
+    const auto read = [&] { EXPECT_TRUE(Md5Lexer("a.md5mesh", text).next().ok()); };
+    EXPECT_GE(test::points_passed(read), 15) << text.substr(0, 3);
+  }
+}
+
 TEST(Md5Mesh, a_part_takes_the_room_of_its_vertices) {
   const auto mesh = parse_md5_mesh("a.md5mesh", mesh_file(kMd5Triangle));
   ASSERT_TRUE(mesh) << mesh.error().message();

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 
 #include "proto/limits.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/scene/scene_test_util.h"
 
 namespace voxeld {
@@ -193,6 +194,23 @@ TEST(Obj, colours_of_zbrush_stand_in_comments) {
   for (const char* other : {"#MRGB ff800000\n", "#MRGB ff80000\n", "# MRGB is a block\n"}) {
     EXPECT_FALSE(load_text("a.obj", std::string(kSquare) + other + "f 1 2 3\n")->has_colors());
   }
+}
+
+TEST(Obj, many_colours_in_one_line_can_be_cancelled) {
+  constexpr int kColors = 100 * 4096;
+  std::string text = std::string(kSquare) + "#MRGB ";
+  text.append(size_t{8} * kColors, 'f').append("\nf 1 2 3 4\n");
+  const auto load = [&] { EXPECT_TRUE(load_text("a.obj", text).ok()); };
+  // Each 4096 colours, and each 64 KiB of the word.
+  EXPECT_GE(test::points_passed(load), 100 + 8 * kColors / 65536);
+}
+
+TEST(Obj, a_keyword_of_more_than_80_bytes_is_no_statement) {
+  const auto with_word = [](size_t bytes) {
+    return load_text("a.obj", std::string(kSquare) + std::string(bytes, 'a') + " 1\nf 1 2 3 4\n");
+  };
+  EXPECT_TRUE(with_word(80).ok());
+  EXPECT_NE(message_of(with_word(81)).find("not an OBJ statement"), std::string::npos);
 }
 
 TEST(Obj, a_weight_is_no_colour) {

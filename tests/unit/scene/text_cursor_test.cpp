@@ -79,6 +79,15 @@ TEST(TextCursor, blanks_lines_and_words_of_a_mebibyte_can_be_cancelled) {
     if (c == '\n') continue;
     EXPECT_GE(test::points_passed([&] { (void)TextCursor(text).token_on_line(); }), 15) << c;
   }
+  const std::string line(size_t{16} << 20, 'x');
+  EXPECT_GE(test::points_passed([&] { (void)TextCursor(line).rest_of_line(); }), 15);
+}
+
+TEST(LineCursor, blanks_and_words_of_a_mebibyte_can_be_cancelled) {
+  const std::string blanks(size_t{1} << 20, ' '), word(size_t{1} << 20, 'x');
+  EXPECT_GE(test::points_passed([&] { (void)LineCursor(blanks).token(); }), 15);
+  EXPECT_GE(test::points_passed([&] { (void)LineCursor(blanks).rest(); }), 15);
+  EXPECT_GE(test::points_passed([&] { (void)LineCursor(word).token(); }), 15);
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 
 #include <functional>
 
+#include "proto/text/text_file.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene/zip_maker.h"
 
@@ -114,6 +116,18 @@ TEST(TextFile, characters_of_utf16_beyond_the_first_plane_are_preserved) {
   EXPECT_EQ(part_name(std::string("\x3d\xd8\x00\xde", 4)), "\xf0\x9f\x98\x80");
   EXPECT_EQ(part_name("\xac\x20"), "\xe2\x82\xac");
   EXPECT_EQ(part_name("\x3d\xd8"), "\xef\xbf\xbd") << "half of a pair";
+}
+
+TEST(TextFile, its_conversion_can_be_cancelled) {
+  const auto points = [](const std::string& text) {
+    std::string storage;
+    return test::points_passed([&] { (void)plain_text(test::bytes_of(text), storage); });
+  };
+  constexpr size_t kMebi = size_t{1} << 20;
+  EXPECT_GE(points(utf16(std::string(kMebi, 'x'), false)), 15);
+  EXPECT_GE(points("x" + std::string(kMebi, '\0')), 15) << "NUL at the end";
+  EXPECT_GE(points(std::string(16 * kMebi, 'x')), 15) << "looked through for CR";
+  EXPECT_GE(points("\r" + std::string(16 * kMebi, 'x')), 30) << "copied, too";
 }
 
 TEST(TextFile, lines_of_errors_are_those_that_an_editor_shows) {
