@@ -154,15 +154,15 @@ class TriangleSnapper {
     }
     const ClipPolygon polygon =
         clip_triangle(p_grid, glm::dvec3(-1.0), glm::dvec3(spec_.dims) + 1.0);
-    if (!splits_) {
+    if (splits_) {
+      std::vector<SplitTriangle> pieces;
+      for (size_t i = 1; i + 1 < polygon.count; ++i) {
+        split_triangle({polygon.corners[0], polygon.corners[i], polygon.corners[i + 1]}, pieces);
+      }
+      for (const SplitTriangle& piece : pieces) add_fan(vertices, piece, out);
+    } else {
       add_fan(vertices, {polygon.corners.data(), polygon.count}, out);
-      return;
     }
-    std::vector<SplitTriangle> pieces;
-    for (size_t i = 1; i + 1 < polygon.count; ++i) {
-      split_triangle({polygon.corners[0], polygon.corners[i], polygon.corners[i + 1]}, pieces);
-    }
-    for (const SplitTriangle& piece : pieces) add_fan(vertices, piece, out);
     out.too_many = out.bytes() > bytes_max_;
   }
 
@@ -211,7 +211,7 @@ bool snap_vertices(const MeshPart& part, const WorldFromFile& world_from_file, c
   return all_in_cells;
 }
 
-Status check(const ChunkOutput& chunk, const MeshPart& part) {
+Status check(const ChunkOutput& chunk, const MeshPart& part, int64_t bytes_max) {
   if (chunk.not_finite) {
     return Error{ErrorCode::kMalformedMesh,
                  "part \"" + part.name +
@@ -221,10 +221,9 @@ Status check(const ChunkOutput& chunk, const MeshPart& part) {
   }
   if (chunk.too_many) {
     return Error{ErrorCode::kGridTooLarge,
-                 "part \"" + part.name + "\" has too many triangles as long as the grid",
-                 "triangles of at most " + std::to_string(static_cast<int>(kEdgeCellsMax)) +
-                     " voxels, or fewer longer ones",
-                 ""};
+                 "part \"" + part.name +
+                     "\" has too many triangles that leave the grid or are as long as it",
+                 "pieces of them in at most " + std::to_string(bytes_max) + " bytes", "more"};
   }
   return {};
 }
@@ -258,7 +257,7 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
   });
   SnappedTriangle* end = mesh.triangles.data() + first;
   for (const ChunkOutput& chunk : chunks) {
-    VOXELD_TRY(check(chunk, part));
+    VOXELD_TRY(check(chunk, part, bytes_max));
     if (end != chunk.whole) std::copy_n(chunk.whole, chunk.whole_count, end);
     end += chunk.whole_count;
   }

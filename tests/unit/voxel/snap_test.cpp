@@ -220,6 +220,24 @@ TEST(Snap, triangles_across_the_largest_grid_stay_in_reach_of_their_tiles) {
   EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
 }
 
+// Each triangle reaches over the whole grid, whose sides cut it.
+TEST(Snap, pieces_of_triangles_that_leave_the_grid_are_limited) {
+  std::vector<glm::dvec3> corners;
+  for (int t = 0; t < 100; ++t) {
+    corners.insert(corners.end(), {{-9, -9, 4}, {30, -9, 4}, {-9, 30, 4}});
+  }
+  const Scene scene = scene_of(corners);
+  const auto clipped = snap_scene(scene, glm::dmat4(1.0), unit_spec(8), 1'000'000);
+  ASSERT_TRUE(clipped.ok());
+  EXPECT_GE(clipped->triangles.size(), 200u);
+  const auto refused = snap_scene(scene, glm::dmat4(1.0), unit_spec(8), 1000);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
+  EXPECT_EQ(refused.error().message(),
+            "part \"\" has too many triangles that leave the grid or are as long as it: expected "
+            "pieces of them in at most 1000 bytes, got more");
+}
+
 // Positions of the pieces' corners that have no weight of `corner`.
 std::vector<glm::dvec3> on_side_against(size_t corner, const std::vector<SplitTriangle>& pieces) {
   std::vector<glm::dvec3> points;
