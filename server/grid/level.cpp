@@ -7,6 +7,7 @@
 #include "proto/limits.h"
 #include "server/base/check.h"
 #include "server/base/parallel.h"
+#include "server/base/pieces.h"
 #include "server/grid/level_cells.h"
 #include "server/grid/tile_appender.h"
 
@@ -102,6 +103,7 @@ Result<SparseTile> LevelTiles::tile(size_t index) const {
   const auto append = [&](const Part& part) {
     if (level_ <= kTileBits) {
       for (size_t i = 0; i < part.codes.size(); ++i) {
+        cancel_point_at(i);
         out.add(part.codes[i], part.values.empty() ? VoxelValues{} : part.values[i]);
       }
     } else if (!part.codes.empty()) {

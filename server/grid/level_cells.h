@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
+#include "server/base/cancel_point.h"
 #include "server/grid/tile_appender.h"
 
 namespace voxeld {
@@ -90,6 +91,7 @@ void for_each_level_cell(const SparseTile& tile, int level, Emit&& emit) {
     if (first != kNoAttributes) add_values(tile, first, static_cast<size_t>(cells), open);
   };
   for_each_brick(tile, [&](uint32_t brick, const BrickMask& mask, size_t first) {
+    cancel_point();
     if (level >= 3) {
       uint64_t cells = 0;
       for (const uint64_t word : mask.words) cells += static_cast<uint64_t>(std::popcount(word));

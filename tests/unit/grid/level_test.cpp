@@ -8,6 +8,7 @@
 #include <cstdlib>
 
 #include "server/grid/content_hash.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/grid/grid_cells.h"
 
 namespace voxeld {
@@ -176,6 +177,19 @@ TEST(Level, place_and_size) {
   EXPECT_EQ(two.origin_world, spec.origin_world);
   EXPECT_EQ(two.voxel_size, spec.voxel_size * 4.0);
   EXPECT_EQ(level_spec(spec, 14).dims, glm::ivec3(1));
+}
+
+// A tile has up to 2^24 voxels with attributes; a level of one is made of one brick after another.
+TEST(Level, has_a_cancellation_point_for_each_brick_and_some_cells) {
+  Grid grid = testing::random_grid(1, {40, 40, 40}, 1, true, true);
+  grid.tiles = test::tiles_of(test::box_voxels({0, 0, 0}, {40, 40, 40}), true, true);
+  const GridTiles source(grid);
+  const auto points_of = [&](int level) {
+    const LevelTiles tiles(source, level, LevelRule::kAny);
+    return test::points_passed([&] { EXPECT_TRUE(tiles.tile(0).ok()); });
+  };
+  EXPECT_GE(points_of(9), 125);
+  EXPECT_GE(points_of(1), 125 + 2);  // and of 8000 voxels
 }
 
 TEST(Level, colours_are_mixed_in_linear_light) {
