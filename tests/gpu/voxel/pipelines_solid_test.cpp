@@ -9,6 +9,7 @@
 
 #include "tests/bench/waves.h"
 #include "tests/gpu/voxel/pipelines.h"
+#include "tests/unit/base/points_passed.h"
 
 namespace voxeld::pipelines {
 namespace {
@@ -239,6 +240,20 @@ TEST(Solid, a_maze_is_flooded_to_its_end_wherever_that_is_done) {
     // Nothing of the corridor is inside.
     EXPECT_LT(voxel_count(grid), static_cast<size_t>(side) * side * 5 * 9 / 10) << turns;
   }
+}
+
+// Bits of all bricks are made before and after the passes: of 32,768 in a tile.
+TEST(Solid, a_flood_has_a_cancellation_point_for_each_brick_that_it_reads_or_makes) {
+  SparseTile touched;
+  touched.full.push_back({0, 2});  // 64 bricks
+  std::vector<SparseTile> tiles;
+  VoxelizeStats stats;
+  GlFlood flood(gpu::test_context(), shared_shaders());
+  const int points = test::points_passed([&] {
+    const auto done = flood.run({&touched, 1}, {64, 64, 64}, {}, 0, tiles, stats);
+    EXPECT_TRUE(done.ok() && *done);
+  });
+  EXPECT_GE(points, 64 + 64);  // bricks that are touched, and rows of bricks
 }
 
 TEST(Solid, surfaces_with_colours_and_shells_are_joined_alike) {

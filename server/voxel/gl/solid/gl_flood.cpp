@@ -4,6 +4,7 @@
 #include <array>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/base/clock.h"
 #include "server/voxel/solid/distance/brick_planes.h"
 #include "server/voxel/solid/inside/tile_bits.h"
@@ -45,6 +46,7 @@ struct GlFlood::Grid {
 // Removes the tile's cells from the free cells of its layer.
 void GlFlood::Grid::cover(const SparseTile& tile, std::vector<uint32_t>& free_cells) const {
   for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t) {
+    cancel_point();
     const auto at = morton_decode(morton);
     const BrickPlanes planes = planes_of_brick(mask);
     const int x = tile.coord[0] * limits::kTileSide + static_cast<int>(at[0]) * limits::kBrickSide;
@@ -176,6 +178,7 @@ void GlFlood::take_tiles(const Grid& grid, std::vector<SparseTile>& tiles) {
         const glm::ivec3 brick(x * kTileBricks, y * kTileBricks + brick_y, brick_z);
         if (brick_z * limits::kBrickSide >= planes) break;
         if (brick.y * limits::kBrickSide >= grid.dims.y) continue;
+        cancel_point();
         grid.rows_of(brick, reached, rows);
         bits.add_row(0, brick_y, brick_z, rows);
       }
