@@ -19,12 +19,12 @@ Status replace_file(const std::filesystem::path& path, std::string_view text) {
                  failed.message()};
   }
   const std::filesystem::path temporary = path.string() + "." + std::to_string(::getpid()) + ".tmp";
-  VOXELD_TRY(write_file(temporary, {reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
-  VOXELD_TRY(sync_path(temporary));
-  if (::rename(temporary.c_str(), path.c_str()) != 0) {
-    const Error error = errno_error("rename to", path);
+  Status done = write_file(temporary, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+  if (done) done = sync_path(temporary);
+  if (done && ::rename(temporary.c_str(), path.c_str()) != 0) done = errno_error("rename to", path);
+  if (!done) {
     ::unlink(temporary.c_str());
-    return error;
+    return done;
   }
   return sync_path(path.parent_path());
 }

@@ -9,7 +9,7 @@
 namespace voxeld {
 
 // Writes a file and syncs it. Readers see the old text or the new one, also after power loss. Makes
-// the folder. Errors: as write_file().
+// the folder. An error leaves no other file. Errors: as write_file().
 Status replace_file(const std::filesystem::path& path, std::string_view text);
 
 }  // namespace voxeld

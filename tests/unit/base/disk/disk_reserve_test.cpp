@@ -7,9 +7,13 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
+#include <string>
 #include <vector>
 
+#include "server/base/disk/directory.h"
 #include "server/base/disk/file.h"
+#include "server/base/disk/replace_file.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -63,6 +67,18 @@ TEST_F(DiskReserveTest, below_the_reserve_nothing_is_written) {
   EXPECT_FALSE(write(2'000'000));
   EXPECT_FALSE(write_file(dir_.path() / "other", std::vector<uint8_t>(10)));
   EXPECT_EQ(allocated(), 0);
+}
+
+TEST_F(DiskReserveTest, a_file_that_could_not_be_replaced_stays_and_nothing_is_left_beside_it) {
+  const std::filesystem::path path = dir_.path() / "folder" / "a.json";
+  free_now = 2 * kReserve;
+  ASSERT_TRUE(replace_file(path, "old"));
+  free_now = kReserve - 1;
+  const Status refused = replace_file(path, "new");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kStorageFull);
+  EXPECT_EQ(*directory_names(path.parent_path()), std::vector<std::string>{"a.json"});
+  EXPECT_EQ(*read_file(path), (std::vector<uint8_t>{'o', 'l', 'd'}));
 }
 
 // Another process allocates between the two checks.
