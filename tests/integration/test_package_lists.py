@@ -1,5 +1,5 @@
 """tools/install-packages and its lists, with programs of a made-up release in place of dpkg and apt; tools/install-npm
-with a made-up npm."""
+with a made-up npm; docker/test-bare where its root cannot be made."""
 import os
 import pathlib
 import re
@@ -172,6 +172,20 @@ class NpmPackages(unittest.TestCase):
     def test_a_folder_without_packages_is_an_error(self):
         done, _ = self.install("c")
         self.assertEqual((done.returncode, done.stderr), (2, "error: there is no tests/c/package-lock.json\n"))
+
+
+class BareRoots(unittest.TestCase):
+    def test_a_root_that_cannot_be_made_ends_the_test_with_the_reason(self):
+        with tempfile.TemporaryDirectory() as directory:
+            programs = {"id": "echo 0\n", "debootstrap": "", "git": "echo cloned\n",
+                        "unshare": 'echo "E: No such script: ${*: -2:1}"\nexit 1\n'}
+            for name, text in programs.items():
+                program = pathlib.Path(directory) / name
+                program.write_text("#!/bin/bash\n" + text)
+                program.chmod(0o755)
+            done = subprocess.run([ROOT / "docker/test-bare", "sarge"], capture_output=True, text=True,
+                                  env={**os.environ, "PATH": f"{directory}:{os.environ['PATH']}"})
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (1, "", "E: No such script: sarge\n"))
 
 
 if __name__ == "__main__":
