@@ -4,7 +4,6 @@
 #include <linux/close_range.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -24,8 +23,9 @@ namespace {
 constexpr int kCannotExecute = 127;  // the status that shells use
 
 // Runs in a process that shares the memory of one with threads, so only async-signal-safe calls are
-// allowed.
-[[noreturn]] void run_child(pid_t parent, const char* executable, char* const* arguments) {
+// allowed. stdout_fd: its stdout, and its stderr is discarded, because drivers complain there; -1:
+// it has those of the parent. failure: the parent's, set if the program cannot be executed.
+[[noreturn]] void run_child(pid_t parent, char* const* argv, int stdout_fd, volatile int& failure) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(kCannotExecute);  // the parent died before prctl
   ::setpgid(0, 0);
@@ -37,24 +37,31 @@ constexpr int kCannotExecute = 127;  // the status that shells use
   sigset_t none;
   ::sigemptyset(&none);
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  if (stdout_fd >= 0) {
+    ::dup2(stdout_fd, STDOUT_FILENO);
+    ::fcntl(STDOUT_FILENO, F_SETFD, 0);  // stays open also if it is the same one
+    ::dup2(::open("/dev/null", O_WRONLY), STDERR_FILENO);
+  }
   ::close_range(3, ~0U, CLOSE_RANGE_CLOEXEC);
-  ::execv(executable, arguments);
+  ::execv(argv[0], argv);
+  failure = errno;
   ::_exit(kCannotExecute);
 }
 
 // vfork, since fork copies the page tables, and makes the parent copy each page that it writes
 // afterwards: a busy gateway starts 20 workers a second. The caller goes on when the child has
 // called exec. Signals wait so long: a handler would run in the child, too.
-pid_t start(pid_t parent, const char* executable, char* const* arguments) {
+pid_t start(char* const* argv, int stdout_fd, volatile int& failure) {
+  const pid_t parent = ::getpid();
   sigset_t all, before;
   ::sigfillset(&all);
   ::pthread_sigmask(SIG_SETMASK, &all, &before);
   // The checker warns of calls other than exec: run_child makes async-signal-safe ones alone.
   const pid_t child = ::vfork();  // NOLINT(clang-analyzer-security.insecureAPI.vfork)
-  if (child == 0) run_child(parent, executable, arguments);  // NOLINT(clang-analyzer-unix.Vfork)
-  const int failure = errno;
+  if (child == 0) run_child(parent, argv, stdout_fd, failure);  // NOLINT(clang-analyzer-unix.Vfork)
+  const int error = errno;
   ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  errno = failure;
+  errno = error;
   return child;
 }
 
@@ -73,11 +80,11 @@ Status ChildProcess::spawn(const std::string& executable,
   argv.push_back(const_cast<char*>(executable.c_str()));
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
-  const pid_t parent = ::getpid();
 
   MutexLock lock(mutex_);
   VOXELD_CHECK(pid_ == 0, "one child at a time");
-  const pid_t child = start(parent, executable.c_str(), argv.data());
+  volatile int cannot_execute = 0;  // the child's status tells it, too
+  const pid_t child = start(argv.data(), -1, cannot_execute);
   if (child < 0) return errno_error("start", executable);
   pid_ = child;
   return {};
@@ -121,24 +128,11 @@ namespace {
 // A limit, because drivers that write to stdout must not fill the memory.
 constexpr size_t kReplyBytesMax = size_t{1} << 20;
 
-// Starts `program arguments...` with stdout on a pipe and stderr discarded, because drivers
-// complain there. Returns the pid, or -1 with errno.
-pid_t start_child(const std::vector<std::string>& command, int stdout_fd) {
-  std::vector<char*> arguments;
-  arguments.reserve(command.size() + 1);
-  for (const std::string& one : command) arguments.push_back(const_cast<char*>(one.c_str()));
-  arguments.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawn_file_actions_adddup2(&actions, stdout_fd, STDOUT_FILENO);
-  ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  pid_t pid = -1;
-  const int failed =
-      ::posix_spawn(&pid, arguments[0], &actions, nullptr, arguments.data(), environ);
-  ::posix_spawn_file_actions_destroy(&actions);
-  if (failed == 0) return pid;
-  errno = failed;
-  return -1;
+int reap(pid_t pid) {
+  int status = 0;
+  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+  }
+  return status;
 }
 
 // Reads until the end of the pipe. Returns why it gave up before; empty: it did not.
@@ -171,18 +165,23 @@ ChildReply run_child(const std::vector<std::string>& command, std::chrono::milli
   }
   const UniqueFd read_end(ends[0]);
   UniqueFd write_end(ends[1]);
-  const pid_t pid = start_child(command, write_end.get());
+  std::vector<char*> arguments;
+  arguments.reserve(command.size() + 1);
+  for (const std::string& one : command) arguments.push_back(const_cast<char*>(one.c_str()));
+  arguments.push_back(nullptr);
+  volatile int cannot_execute = 0;
+  const pid_t pid = start(arguments.data(), write_end.get(), cannot_execute);
+  const int failure = pid < 0 ? errno : cannot_execute;
   write_end.reset();
-  if (pid < 0) {
-    reply.failure = "cannot run " + command[0] + ": " + std::strerror(errno);
+  if (failure != 0) {
+    if (pid > 0) reap(pid);
+    reply.failure = "cannot run " + command[0] + ": " + std::strerror(failure);
     return reply;
   }
   reply.failure = read_reply(read_end.get(), timeout, reply.text);
   // One that goes on writing would block for ever, since nobody reads any more.
   if (!reply.failure.empty()) ::kill(pid, SIGKILL);
-  int status = 0;
-  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-  }
+  const int status = reap(pid);
   if (!reply.failure.empty()) return reply;
   if (WIFSIGNALED(status)) {
     reply.failure = std::string("the driver crashed: ") + ::strsignal(WTERMSIG(status));

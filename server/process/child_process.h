@@ -53,8 +53,9 @@ struct ChildReply {
   std::string failure;  // empty: it exited with status 0
 };
 
-// Runs `command`, a path and its arguments. The child's stderr is discarded, because drivers
-// complain there. A child that exceeds `timeout`, or writes more than 1 MiB, is killed.
+// Runs `command`, a path and its arguments, as ChildProcess does. The child's stderr is discarded,
+// because drivers complain there. A child that exceeds `timeout`, or writes more than 1 MiB, is
+// killed.
 ChildReply run_child(const std::vector<std::string>& command, std::chrono::milliseconds timeout);
 
 // The text from the last line on that starts with a brace. Drivers may have printed other lines

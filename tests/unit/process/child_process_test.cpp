@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -106,6 +107,39 @@ TEST(ChildProcess, the_memory_of_the_parent_is_not_copied) {
   child.send_signal(SIGKILL);
   child.wait();
   ::munmap(mapped, kBytes);
+}
+
+// Also if nobody has reaped it.
+bool has_ended(pid_t pid) {
+  std::ifstream status("/proc/" + std::to_string(pid) + "/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.starts_with("State:")) return line.find('Z') != std::string::npos;
+  }
+  return true;
+}
+
+TEST(RunChild, one_ends_with_the_process_that_waits_for_it) {
+  testing::TemporaryDir dir;
+  const std::string path = (dir.path() / "pid").native();
+  const std::string writes = "echo $$ >'" + path + ".new'; mv '" + path + ".new' '" + path + "'";
+  const pid_t parent = ::fork();
+  if (parent == 0) {
+    run_child({"/bin/sh", "-c", writes + "; exec sleep 600"}, std::chrono::minutes(10));
+    ::_exit(0);
+  }
+  ASSERT_GT(parent, 0);
+  EXPECT_TRUE(testing::comes_true([&] { return std::filesystem::exists(path); }));
+  ::kill(parent, SIGKILL);
+  ::waitpid(parent, nullptr, 0);
+  pid_t child = 0;
+  std::ifstream(path) >> child;
+  ASSERT_GT(child, 0);
+  EXPECT_TRUE(testing::comes_true([&] { return has_ended(child); }));
+}
+
+TEST(RunChild, a_program_that_is_not_there_is_named) {
+  const ChildReply reply = run_child({"/no/such/program"}, std::chrono::minutes(10));
+  EXPECT_EQ(reply.failure, "cannot run /no/such/program: No such file or directory");
 }
 
 TEST(RunChild, one_that_writes_without_end_is_ended) {
