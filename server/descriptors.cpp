@@ -20,6 +20,10 @@ int64_t needed(const DescriptorPlan& plan, int workers) {
          int64_t{kDescriptorsOfConnection} * plan.connections;
 }
 
+int most_of_one_address(const DescriptorPlan& wanted, int connections) {
+  return std::min(wanted.connections_per_address, std::max(1, connections / 2));
+}
+
 }  // namespace
 
 Result<DescriptorPlan> fit_descriptors(const DescriptorPlan& wanted, int workers) {
@@ -46,8 +50,7 @@ Result<DescriptorPlan> fit_descriptors(const DescriptorPlan& wanted, int workers
       (left - int64_t{kDescriptorsOfThread} * plan.request_threads) / kDescriptorsOfConnection;
   plan.connections = static_cast<int>(std::min<int64_t>(wanted.connections, connections));
   if (wanted.connections_per_address > 0) {
-    plan.connections_per_address =
-        std::min(wanted.connections_per_address, std::max(1, plan.connections / 2));
+    plan.connections_per_address = most_of_one_address(wanted, plan.connections);
   }
   return plan;
 }
@@ -56,6 +59,10 @@ Result<DescriptorPlan> share_out_descriptors(DescriptorPlan wanted, int workers)
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) {
     return Error{ErrorCode::kInternal, "cannot read the limit on open files", "", ""};
+  }
+  // Half of few connections is no matter of the limit on open files.
+  if (wanted.connections_per_address > 0) {
+    wanted.connections_per_address = most_of_one_address(wanted, wanted.connections);
   }
   const auto most = static_cast<rlim_t>(needed(wanted, workers));
   if (limit.rlim_cur < most) {

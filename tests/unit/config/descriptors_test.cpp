@@ -1,6 +1,7 @@
 #include "server/descriptors.h"
 
 #include <algorithm>
+#include <string>
 
 #include <gtest/gtest.h>
 
@@ -52,6 +53,16 @@ TEST(FitDescriptors, too_low_a_limit_is_refused_with_the_one_that_is_needed) {
             "limit on open files (ulimit -n): expected at least 144 for 3 workers, got 64");
   EXPECT_FALSE(fit_descriptors(wanted(144), 3)) << "of more, more is set aside for the admin port";
   EXPECT_TRUE(fit_descriptors(wanted(160), 3));
+}
+
+TEST(ShareOutDescriptors, few_connections_that_fit_are_no_matter_of_the_limit_on_open_files) {
+  ::testing::internal::CaptureStderr();
+  const auto plan = share_out_descriptors({0, 16, 256, 1, 4}, 1);
+  const std::string log = ::testing::internal::GetCapturedStderr();
+  ASSERT_TRUE(plan) << plan.error().message();
+  EXPECT_EQ(plan->connections, 16);
+  EXPECT_EQ(plan->connections_per_address, 8);
+  EXPECT_EQ(log.find("too low"), std::string::npos) << log;
 }
 
 }  // namespace
