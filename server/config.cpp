@@ -34,6 +34,10 @@ std::filesystem::path default_data_dir() {
 // More would wait for one another, and each has its memory.
 constexpr int kWorkersPerDeviceMax = 64;
 
+// A thousand years. Before the year 1000, the names of days no longer sort by time, and days that
+// are younger would be removed.
+constexpr double kKeepDaysMax = 365'000;
+
 // The error of an IPv6 address; empty for a valid one.
 std::string is_ipv6(const std::string& text) {
   in6_addr address{};
@@ -101,7 +105,7 @@ void add_storage(CLI::App& serve, ServeConfig& config) {
   const auto add_days = [&serve](const char* flag, double& days, const char* text,
                                  const char* variable) {
     serve.add_option(flag, days, text)
-        ->check(CLI::NonNegativeNumber)
+        ->check(CLI::Range(0.0, kKeepDaysMax))
         ->envname(variable)
         ->capture_default_str();
   };
@@ -259,7 +263,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   serve
       ->add_option("--drain-seconds", config.drain_seconds,
                    "How long running requests may continue after SIGTERM, while new work gets 503")
-      ->check(CLI::NonNegativeNumber)
+      ->check(CLI::Range(0.0, 86400.0))
       ->envname("VOXELD_DRAIN_SECONDS")
       ->capture_default_str();
   serve

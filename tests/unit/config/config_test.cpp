@@ -141,6 +141,16 @@ TEST(Config, unknown_arguments_exit_with_the_usage_status_and_help_with_0) {
   EXPECT_EQ(std::get<ExitCommand>(parse({"serve", "--help"})).status, 0);
 }
 
+TEST(Config, times_that_a_clock_or_a_calendar_cannot_hold_are_refused) {
+  EXPECT_EQ(std::get<ExitCommand>(parse({"--drain-seconds", "1e10"})).status, 64);
+  EXPECT_EQ(std::get<ServeConfig>(parse({"--drain-seconds", "86400"})).drain_seconds, 86400);
+  for (const char* flag :
+       {"--keep-results-days", "--keep-assets-days", "--keep-jobs-days", "--keep-orphans-days"}) {
+    EXPECT_EQ(std::get<ExitCommand>(parse({flag, "500000"})).status, 64) << flag;
+    EXPECT_TRUE(std::holds_alternative<ServeConfig>(parse({flag, "365000"}))) << flag;
+  }
+}
+
 TEST(Config, keys_are_added_listed_and_revoked_in_a_data_directory) {
   Variable data("VOXELD_DATA", "/state/elsewhere");
   using Action = KeysCommand::Action;
