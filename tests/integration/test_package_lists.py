@@ -1,5 +1,5 @@
 """tools/install-packages and its lists, with programs of a made-up release in place of dpkg and apt; tools/install-npm
-with a made-up npm; docker/test-bare where its root cannot be made."""
+with a made-up npm; docker/test-bare where its root cannot be made; the health check of the image."""
 import os
 import pathlib
 import re
@@ -186,6 +186,27 @@ class BareRoots(unittest.TestCase):
             done = subprocess.run([ROOT / "docker/test-bare", "sarge"], capture_output=True, text=True,
                                   env={**os.environ, "PATH": f"{directory}:{os.environ['PATH']}"})
         self.assertEqual((done.returncode, done.stdout, done.stderr), (1, "", "E: No such script: sarge\n"))
+
+
+class ImageHealth(unittest.TestCase):
+    def asked(self, admin_listen):
+        """The arguments of curl, by the image's command with a made-up curl."""
+        text = (ROOT / "docker/Dockerfile").read_text()
+        lines = [line for line in text.partition("\nHEALTHCHECK")[2].partition("\nENTRYPOINT")[0].splitlines()
+                 if not line.lstrip().startswith("#")]
+        command = "\n".join(lines).replace("\\\n", "").partition(" CMD ")[2]
+        with tempfile.TemporaryDirectory() as directory:
+            curl = pathlib.Path(directory) / "curl"
+            curl.write_text('#!/bin/sh\necho "$@" >&2\n')
+            curl.chmod(0o755)
+            done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True,
+                                  env={"PATH": f"{directory}:{os.environ['PATH']}", "VOXELD_LISTEN": "0.0.0.0:8080",
+                                       "VOXELD_ADMIN_LISTEN": admin_listen})
+        return done.stderr
+
+    def test_it_asks_the_admin_port_or_where_there_is_none_the_api(self):
+        self.assertEqual(self.asked("127.0.0.1:8081"), "-fsS --noproxy * http://127.0.0.1:8081/livez\n")
+        self.assertEqual(self.asked("none"), "-sS --noproxy * http://0.0.0.0:8080/\n")
 
 
 if __name__ == "__main__":
