@@ -877,6 +877,11 @@ test("a clock that is five minutes late does not change what is told", async ({ 
 });
 
 test("the daemon draws once the context is lost for good", async ({ page }) => {
+  // A wait for the browser to give the context back ends at once.
+  await page.addInitScript(() => {
+    const original = window.setTimeout;
+    window.setTimeout = (call, ms, ...given) => original(call, ms === 10_000 ? 0 : ms, ...given);
+  });
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);

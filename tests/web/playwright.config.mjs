@@ -20,6 +20,7 @@ export default defineConfig({
         "--disable-dev-shm-usage",
         "--use-angle=gl-egl",
         "--ignore-gpu-blocklist",
+        "--disable-gpu-compositing", // WebGL alone is drawn by Mesa: the rest of a page takes longer there
         "--disable-gpu-watchdog", // it ends a process that compiles shaders for long
       ],
     },
