@@ -10,6 +10,8 @@ function(voxeld_options target)
   # No fused multiply-add, which processors of some kinds have and others not: results are the same bytes on
   # every machine. Sources whose kernels are exact with it say otherwise for themselves.
   target_compile_options(${target} PRIVATE -ffp-contract=off)
+  # No path of the machine in programs (__FILE__), and one entry of a compiler cache for all clones.
+  target_compile_options(${target} PRIVATE -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
   # Code that waits for sockets, files and SQLite: a build for use takes a quarter less time for it at -O1.
   if(VOXELD_CONTROL_PLANE)
     target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)

@@ -118,6 +118,13 @@ class Install(DaemonTest):
                             ("zsh/vendor-completions/_voxel", "#compdef voxel\n")):
             self.assertTrue((self.prefix / "share" / name).read_text().startswith(first), name)
 
+    def test_programs_do_not_tell_where_they_were_built(self):
+        for program in (self.install_server() / "bin/voxeld", self.installed("voxel"),
+                        self.installed("libvoxeld_client.so")):
+            stripped = self.dir / "stripped"  # of debug information
+            run("strip", "-o", stripped, program)
+            self.assertFalse(str(ROOT.resolve()).encode() in stripped.read_bytes(), program)
+
     def test_find_package_gives_a_library_that_voxelizes(self):
         build = self.dir / "build"
         run("cmake", "-G", "Ninja", "-S", PROJECT, "-B", build,
