@@ -450,6 +450,12 @@ TEST_F(JobsApi, long_texts_of_a_job_are_left_to_its_own_page) {
   EXPECT_EQ(json(whole)["options"]["times"], list);
   EXPECT_EQ(whole.header("etag"), sent.header("etag"));
   EXPECT_EQ(json(sent)["options"]["times"], list);
+  for (const char* what : {"cancelled", "removed"}) {
+    const HttpResponse last = request("DELETE", sent.header("location"));
+    ASSERT_EQ(last.status, 200) << what;
+    EXPECT_EQ(json(last)["options"]["times"], list) << what;
+  }
+  EXPECT_EQ(get(sent.header("location")).status, 404);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <utility>
+#include <variant>
 
 #include "proto/messages/job_text.h"
 #include "proto/text/client_texts.h"
@@ -96,6 +97,25 @@ Response polled_response(const Request& request, Api& api, const JobStatus& stat
   return response;
 }
 
+// Removes the record of an ended job. Where long texts of its last state are read while the
+// response is sent, it goes after them.
+Response remove_job(const Request& request, Api& api, const JobStatus& last) {
+  Response response = status_response(request, api, 200, last);
+  const auto forget = [&api, caller = request.caller, id = last.id] {
+    return api.jobs.forget(caller, id);
+  };
+  if (auto* pieces = std::get_if<PieceBody>(&response.body)) {
+    pieces->next = [read = std::move(pieces->next), forget]() -> Result<Piece> {
+      VOXELD_ASSIGN(Piece text, read());
+      VOXELD_TRY(forget());
+      return text;
+    };
+  } else if (const Status gone = forget(); !gone) {
+    return problem(request, gone.error());
+  }
+  return response;
+}
+
 }  // namespace
 
 Reply post_job(Request& request, Api& api) {
@@ -164,10 +184,7 @@ Reply delete_job(Request& request, Api& api) {
   const std::string& id = request.path_parameters[0];
   const auto before = api.jobs.get(request.caller, id);
   if (before && before->ended()) {
-    const bool is_kept = request.query("ended").value_or("") == "keep";
-    if (const Status gone = is_kept ? Status() : api.jobs.forget(request.caller, id); !gone) {
-      return problem(request, gone.error());
-    }
+    if (request.query("ended").value_or("") != "keep") return remove_job(request, api, *before);
     return status_response(request, api, 200, *before);
   }
   auto status = api.jobs.cancel(request.caller, id);
