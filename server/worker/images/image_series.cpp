@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "proto/options/values.h"
 #include "server/grid/region.h"
 #include "server/render/animated_image.h"
 #include "server/render/camera.h"
@@ -77,8 +78,24 @@ Status write_sheet(TaskRun& run, const ImageSeries& series, const RenderOptions&
   return write_image(run, sheet);
 }
 
+// A GIF with more than 50 images a second, or an APNG with more than 1,000, plays slower.
+Status warn_of_slow_play(TaskRun& run, ImageKind kind, const std::vector<double>& durations_s) {
+  double asked_s = 0.0, shown_s = 0.0;
+  for (const double duration_s : durations_s) asked_s += std::max(duration_s, 0.0);
+  VOXELD_ASSIGN(const std::vector<ShownTime> times, shown_times(kind, durations_s));
+  for (const ShownTime& time : times) shown_s += 1.0 * time.parts / time.parts_per_s;
+  constexpr double kRoundedS = 0.02;
+  if (shown_s <= 1.01 * asked_s + kRoundedS) return {};
+  const auto text = [](double s) { return option_values::to_text(std::round(100.0 * s) / 100.0); };
+  add_warnings(run,
+               {{"slower-play", "image: " + text(shown_s) + " seconds instead of " + text(asked_s) +
+                                    ", since its format shows no more images a second"}});
+  return {};
+}
+
 Status write_animation(TaskRun& run, const ImageSeries& series, const RenderOptions& options) {
   const bool is_gif = options.image == ImageKind::kGif;
+  VOXELD_TRY(warn_of_slow_play(run, options.image, series.durations_s));
   const std::filesystem::path path = next_output(run);
   VOXELD_ASSIGN(
       const std::unique_ptr<AnimationWriter> writer,

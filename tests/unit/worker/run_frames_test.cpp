@@ -509,6 +509,24 @@ TEST_F(FramesTest, a_frame_drawn_from_the_asset_is_the_one_of_its_sequence) {
   EXPECT_EQ(json::parse(all.meta_json)["images"], 6);
 }
 
+TEST_F(FramesTest, a_file_that_plays_slower_than_it_should_has_a_warning) {
+  json options = {{"size", 8}, {"turntable", 50}, {"width", 8}, {"height", 8}};
+  const auto warned = [&](const char* image, int rate) {
+    options["image"] = image;
+    options["rate"] = rate;
+    std::string text;
+    for (const Warning& warning : done(task(JobKind::kRender, "worm.md5.zip", options)).warnings) {
+      text += warning.code + " " + warning.detail;
+    }
+    return text;
+  };
+  EXPECT_EQ(warned("gif", 50), "");
+  EXPECT_EQ(warned("gif", 100),
+            "slower-play image: 1 seconds instead of 0.5, since its format shows no more images a "
+            "second");
+  EXPECT_EQ(warned("apng", 100), "");
+}
+
 TEST_F(FramesTest, a_grid_is_seen_from_all_sides) {
   json options = {{"size", 24},   {"turntable", 5}, {"image", "sheet"},
                   {"columns", 5}, {"width", 32},    {"height", 32}};
