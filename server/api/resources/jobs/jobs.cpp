@@ -97,8 +97,8 @@ Response polled_response(const Request& request, Api& api, const JobStatus& stat
   return response;
 }
 
-// Removes the record of an ended job. Where long texts of its last state are read while the
-// response is sent, it goes after them.
+// Removes the record of an ended job. Long texts of its last state may be read while the response
+// is sent; then it goes after them.
 Response remove_job(const Request& request, Api& api, const JobStatus& last) {
   Response response = status_response(request, api, 200, last);
   const auto forget = [&api, caller = request.caller, id = last.id] {
