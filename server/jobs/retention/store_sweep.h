@@ -30,7 +30,6 @@ class StoreSweep {
   void start();
   void stop() EXCLUDES(mutex_);
   // Expires old data, within AgeBudget; the thread calls it every ten seconds.
-  void note_uses();
   void look_at_ages();
   // Something was deleted: its files go soon, on the sweep's thread.
   void look_at_deleted() EXCLUDES(mutex_);
@@ -41,6 +40,7 @@ class StoreSweep {
 
  private:
   void run();
+  void note_uses();
   void sweep();
   void sweep_orphans();
   void make_room();
