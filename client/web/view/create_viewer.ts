@@ -4,10 +4,10 @@ import type { ImageRays } from "./camera/image_rays";
 import type { Vec4 } from "./camera/matrix";
 import { visibleCells } from "./camera/visible_cells";
 import { Controls, START, ZOOM_MAX, ZOOM_MIN } from "./controls";
-import { ownChannel } from "./decode/channels";
+import { channelIn, ownChannel } from "./decode/channels";
 import { Decoder } from "./decoder";
 import { Frames, restQuality, type Scene } from "./draw/frames";
-import { createTarget, deleteTarget } from "./draw/gl_objects";
+import { createTarget, deleteTarget, GridTextures } from "./draw/gl_objects";
 import { Painter } from "./draw/painter";
 import { keptCells, paramsOf, planeInGrid, raysOf, variantOf, type Look } from "./draw/params";
 import { encodePng } from "./draw/png";
@@ -98,9 +98,16 @@ class WebGlViewer implements Viewer {
   }
 
   async show(container: ArrayBuffer, options?: { keepCamera?: boolean }): Promise<GridInfo> {
-    const grid = await this.#decoder.decode(container);
+    const channel = this.#channelShown,
+      grid = await this.#decoder.decode(container, channel);
     const info = infoOf(grid);
-    this.#shown = { grid, info, subject: subjectOf(grid), paint: grid.paint, painted: null };
+    this.#shown = {
+      grid,
+      info,
+      subject: subjectOf(grid),
+      paint: grid.paint,
+      painted: channelIn(grid, channel),
+    };
     this.#part = null;
     if (!options?.keepCamera) this.#view = { ...START, projection: this.#view.projection };
     this.#upload();
@@ -110,9 +117,16 @@ class WebGlViewer implements Viewer {
 
   async showPart(container: ArrayBuffer | null): Promise<void> {
     const shown = this.#shown,
-      grid = container && (await this.#decoder.decode(container));
+      channel = this.#channelShown,
+      grid = container && (await this.#decoder.decode(container, channel));
     if (!shown || (!grid && !this.#part)) return;
-    this.#part = grid && { ...shown, grid, info: infoOf(grid), paint: grid.paint, painted: null };
+    this.#part = grid && {
+      ...shown,
+      grid,
+      info: infoOf(grid),
+      paint: grid.paint,
+      painted: channelIn(grid, channel),
+    };
     this.#upload();
     await this.#repaint();
   }
@@ -201,20 +215,24 @@ class WebGlViewer implements Viewer {
         throw new RangeError(`image side: expected 1 to ${IMAGE_SIDE_MAX} pixels, got ${side}`);
       }
     }
-    const painter = this.#painter,
-      size = { width, height },
+    const size = { width, height },
       quality = restQuality(size, transparent);
-    const scene = this.#scene();
+    await this.#repaint(); // the channel may have been set just now
+    const painter = this.#painter,
+      { gl, textures } = painter,
+      scene = this.#scene();
     if (!scene) throw new Error("no grid is shown");
     const params = scene.params(quality, size);
     if (!params) throw new Error("the camera cannot be inverted");
-    const program = await painter.program(scene.variant(quality));
-    const target = createTarget(painter.gl, width, height);
+    const target = createTarget(gl, width, height);
+    ++textures.images; // from here on, others are uploaded beside them
     try {
-      await drawStrips(painter, program, params, target, () => false);
+      const program = await painter.program(scene.variant(quality));
+      await drawStrips(painter, program, params, target, () => false, textures);
       return await encodePng(painter.read(target), width, height);
     } finally {
-      deleteTarget(painter.gl, target);
+      deleteTarget(gl, target);
+      if (--textures.images === 0 && textures !== painter.textures) textures.dispose();
     }
   }
 
@@ -315,7 +333,9 @@ class WebGlViewer implements Viewer {
   #upload(): void {
     const shown = this.#drawn;
     if (!shown) return;
-    this.#painter.textures.upload(shown.grid, shown.paint?.colors ?? null);
+    const painter = this.#painter;
+    if (painter.textures.images > 0) painter.textures = new GridTextures(painter.gl);
+    painter.textures.upload(shown.grid, shown.paint?.colors ?? null);
     this.#frames.setScene(this.#scene());
     this.#frames.invalidate(false);
   }
@@ -324,10 +344,7 @@ class WebGlViewer implements Viewer {
   async #repaint(): Promise<void> {
     const shown = this.#drawn;
     if (!shown) return;
-    const wanted =
-      this.#channelShown !== null && shown.info.channels.includes(this.#channelShown)
-        ? this.#channelShown
-        : null;
+    const wanted = channelIn(shown.info, this.#channelShown);
     if (shown.painted === wanted) return;
     // The grid's own colours may be those of a channel; their tables were overwritten.
     const channel = wanted ?? ownChannel(shown.info.channels);

@@ -30,8 +30,8 @@ function fail(id: number, error: unknown): void {
   reply({ kind: "failed", id, name, message });
 }
 
-async function decode(id: number, container: ArrayBuffer): Promise<void> {
-  const steps = new Packer(new Uint8Array(container)).run();
+async function decode(id: number, container: ArrayBuffer, channel: Channel | null): Promise<void> {
+  const steps = new Packer(new Uint8Array(container), channel).run();
   for (let begin = performance.now(); ;) {
     const step = steps.next();
     if (step.done) return reply({ kind: "decoded", id, grid: step.value });
@@ -55,7 +55,9 @@ scope.onmessage = (event) => {
   try {
     if (request.kind === "abort") aborted.add(request.id);
     else if (request.kind === "decode")
-      decode(request.id, request.container).catch((error: unknown) => fail(request.id, error));
+      decode(request.id, request.container, request.channel).catch((error: unknown) =>
+        fail(request.id, error),
+      );
     else
       reply({ kind: "painted", id: request.id, painted: painted(request.channel, request.grid) });
   } catch (error) {

@@ -30,11 +30,14 @@ export class Decoder {
       this.#failAll(new Error("no memory for the worker's message"));
   }
 
-  /** Decodes a copy of the container. Aborts the decode before, which rejects with AbortError. */
-  async decode(container: ArrayBuffer): Promise<PackedGrid> {
+  /**
+   * Decodes a copy of the container, coloured by the channel if it has it. Aborts the decode before,
+   * which rejects with AbortError.
+   */
+  async decode(container: ArrayBuffer, channel: Channel | null): Promise<PackedGrid> {
     this.abort();
     const id = (this.#decoding = ++this.#last);
-    const response = await this.#ask({ kind: "decode", id, container });
+    const response = await this.#ask({ kind: "decode", id, container, channel });
     if (this.#decoding === id) this.#decoding = 0;
     return (response as Extract<Response, { kind: "decoded" }>).grid;
   }

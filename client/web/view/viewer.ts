@@ -78,7 +78,7 @@ export interface Viewer {
 
   /** x and y in CSS pixels from the canvas's upper left corner. */
   pick(x: number, y: number): Hit | null;
-  /** A PNG of the view at rest. Sizes in pixels, 1..4096. */
+  /** A PNG of the view as it is set now, at rest. Sizes in pixels, 1..4096. */
   image(width: number, height: number, transparent: boolean): Promise<Blob>;
 
   /** After the camera moved by pointer, touch or keys. */

@@ -16,7 +16,12 @@ export interface Painted {
 }
 
 export type Request =
-  | { readonly kind: "decode"; readonly id: number; readonly container: ArrayBuffer }
+  | {
+      readonly kind: "decode";
+      readonly id: number;
+      readonly container: ArrayBuffer;
+      readonly channel: Channel | null;
+    }
   | {
       readonly kind: "paint";
       readonly id: number;

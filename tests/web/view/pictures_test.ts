@@ -52,8 +52,8 @@ async function compare(
     }),
   );
   await browser.call("show", `${name}.voxg`);
-  await browser.call("set", settings);
-  const found = await browser.call("compare", `${name}.png`, WIDTH, HEIGHT, transparent, name);
+  const png = `${name}.png`;
+  const found = await browser.call("compare", settings, png, WIDTH, HEIGHT, transparent, name);
   console.log(
     name,
     JSON.stringify(mesh.options),
@@ -180,6 +180,16 @@ test("the canvas at rest shows what image() gives", async () => {
   assert.ok(found.mean < 0.1 && found.drawn > 0.1, JSON.stringify(found));
 });
 
+test("an image is of the grid that was shown when it was asked for", async () => {
+  await compare(ROCKET, {}, {});
+  const rocket = `picture_${numbers}`;
+  await compare(SMALL_ROCKET, {}, {});
+  const found = await session.browser.call("compareWhileShowing", `${rocket}.voxg`, 1000, 800);
+  assert.ok(found.mean === 0 && found.drawn > 0.1, JSON.stringify(found));
+  const png = `${rocket}.png`;
+  assertSame(await session.browser.call("compare", {}, png, WIDTH, HEIGHT, false, "after"));
+});
+
 test("a lost context is rebuilt", async () => {
   await session.browser.call("loseContext");
   const found = await session.browser.call("compareCanvas");
@@ -200,7 +210,7 @@ test("a part is drawn in the grid's place as the daemon draws the grid", async (
   server.data.set("part.voxg", await daemon.post("voxelize", FINE.file, options));
   await browser.call("showPart", "part.voxg");
   assertSame(
-    await browser.call("compare", `picture_${numbers}.png`, WIDTH, HEIGHT, false, "part"),
+    await browser.call("compare", null, `picture_${numbers}.png`, WIDTH, HEIGHT, false, "part"),
   );
   assert.deepEqual(await browser.call("grid"), whole);
   const partly = (await browser.call("pick", WIDTH / 4, HEIGHT / 5))!;

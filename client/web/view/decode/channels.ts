@@ -18,6 +18,14 @@ export const CHANNELS: readonly ChannelInfo[] = [
 /** Steps of the distance channel per voxel; with distance=world, per shortest edge of one. */
 export const DISTANCE_STEPS = 128;
 
+/** The channel if a grid has it. */
+export function channelIn(
+  { channels }: { readonly channels: readonly Channel[] },
+  channel: Channel | null,
+): Channel | null {
+  return channel && channels.includes(channel) ? channel : null;
+}
+
 /** The channel that colours a grid by itself: colours, else labels, else materials. */
 export function ownChannel(channels: readonly Channel[]): Channel | null {
   for (const channel of ["color", "label", "material"] as const) {

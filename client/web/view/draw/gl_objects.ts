@@ -43,6 +43,7 @@ export const TABLES = ["nodes", "bricks", "colors", "normals"] as const;
 export class GridTextures {
   readonly #textures: WebGLTexture[];
   readonly #sizes = [0, 0, 0, 0];
+  images = 0; // that are drawn from them now
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.#textures = TABLES.map((_, unit) => nearest(gl, unit));

@@ -9,7 +9,7 @@ const POLL_MS = 1;
 export class ContextLost extends Error {}
 
 export class Painter {
-  readonly textures: GridTextures;
+  textures: GridTextures;
   readonly #programs: Programs;
   readonly #block: WebGLBuffer;
 
@@ -32,6 +32,7 @@ export class Painter {
     target: Target,
     first: number,
     end: number,
+    textures = this.textures,
   ): void {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.framebuffer);
@@ -39,7 +40,7 @@ export class Painter {
     gl.useProgram(program);
     gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, this.#block);
     gl.bufferData(gl.UNIFORM_BUFFER, params, gl.DYNAMIC_DRAW);
-    this.textures.bind();
+    textures.bind();
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(0, first, target.width, end - first);
     gl.drawArrays(gl.TRIANGLES, 0, 3);

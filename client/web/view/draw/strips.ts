@@ -15,13 +15,14 @@ export async function drawStrips(
   params: ArrayBuffer,
   target: Target,
   isOutdated: () => boolean,
+  textures = painter.textures,
 ): Promise<number | null> {
   let rows = FIRST_ROWS,
     total = 0;
   for (let first = 0; first < target.height;) {
     const end = Math.min(first + rows, target.height),
       begin = performance.now();
-    painter.draw(program, params, target, first, end);
+    painter.draw(program, params, target, first, end, textures);
     await painter.finished();
     const ms = performance.now() - begin;
     total += ms;

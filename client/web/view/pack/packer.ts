@@ -1,6 +1,6 @@
 // Packs a container into the tables of the ray march, word by word as server/render/packed_grid.cpp
 // does (tests/web/view compares them).
-import { CHANNELS, ownChannel } from "../decode/channels";
+import { channelIn, CHANNELS, ownChannel } from "../decode/channels";
 import { brokenGrid, openContainer, type Container, type TileEntry } from "../decode/container";
 import { fail } from "../decode/decode_error";
 import { bitCount, compact } from "../decode/morton";
@@ -12,7 +12,7 @@ import {
   type FullNode,
 } from "../decode/octree";
 import { decompressStream } from "../decode/zstd_stream";
-import type { Vec3 } from "../viewer";
+import type { Channel, Vec3 } from "../viewer";
 import { Rows } from "./hull";
 import { markEmptyCubes } from "./empty_cubes";
 import { setColorMeans, setNoColorMeans, setNormalMeans } from "./means";
@@ -68,8 +68,14 @@ export class Packer {
   #attributeCount = 0;
   #hasFull = false;
 
-  /** Throws a DecodeError, also for grids of more words than TABLE_WORDS_MAX. */
-  constructor(bytes: Uint8Array) {
+  /**
+   * channel: colours the grid if it has it. Throws a DecodeError, also for grids of more words than
+   * TABLE_WORDS_MAX.
+   */
+  constructor(
+    bytes: Uint8Array,
+    private readonly channel: Channel | null = null,
+  ) {
     this.#container = openContainer(bytes);
     const { dims, tiles } = this.#container;
     const bricks = tiles.reduce((sum, tile) => sum + tile.brickCount, 0);
@@ -107,8 +113,8 @@ export class Packer {
   #finished(attributes: Attributes): PackedGrid {
     const { dims, channels } = this.#container,
       count = this.#attributeCount;
-    const own = ownChannel(channels);
-    const paint = own === null ? null : paintOf(attributes, own, count, this.#hasFull);
+    const shown = channelIn(this.#container, this.channel) ?? ownChannel(channels);
+    const paint = shown === null ? null : paintOf(attributes, shown, count, this.#hasFull);
     const isEmpty = this.#low[0]! >= this.#high[0]!;
     const occupiedMin: Vec3 = isEmpty ? [0, 0, 0] : (this.#low as unknown as Vec3);
     const occupiedMax: Vec3 = isEmpty ? dims : (this.#high as unknown as Vec3);

@@ -149,8 +149,9 @@ const api = {
     v.section = settings.section ?? { plane: null, box: null };
   },
 
-  /** Compares the viewer's image with a PNG of the daemon. */
+  /** Compares the viewer's image, asked for as soon as it is set, with a PNG of the daemon. */
   async compare(
+    settings: Settings | null,
     png: string,
     width: number,
     height: number,
@@ -159,11 +160,22 @@ const api = {
   ): Promise<Difference> {
     const response = await fetch(`/data/${png}`),
       expected = await response.blob();
+    if (settings) api.set(settings);
     const own = await view().image(width, height, transparent);
     const found = difference(await pixelsOf(own), await pixelsOf(expected));
     await save(`${name}.page.png`, own);
     await save(`${name}.daemon.png`, expected);
     return found;
+  },
+
+  /** Compares an image with one during which another grid was shown. */
+  async compareWhileShowing(name: string, width: number, height: number): Promise<Difference> {
+    const alone = await pixelsOf(await view().image(width, height, false));
+    let isDrawn = false;
+    const image = view().image(width, height, false).finally(() => (isDrawn = true));
+    await api.show(name);
+    if (isDrawn) throw new Error("the image was drawn before the grid was shown");
+    return difference(alone, await pixelsOf(await image));
   },
 
   /** Compares what is on the canvas at rest with image() of the canvas's size. */
