@@ -113,6 +113,7 @@ std::optional<MeshFormat> guessed_format(std::span<const uint8_t> bytes) {
   if (TextCursor(head).token() == "solid") return MeshFormat::kStl;
   if (looks_like_md5(head) && !looks_like_md5_animation(head)) return MeshFormat::kMd5;
   if (looks_like_obj(head)) return MeshFormat::kObj;
+  if (is_binary_stl_of_wrong_count(bytes)) return MeshFormat::kStl;
   return std::nullopt;
 }
 

@@ -124,6 +124,11 @@ bool is_text_byte(uint8_t byte) {
   return byte >= 0x20 || byte == '\t' || byte == '\n' || byte == '\r';
 }
 
+bool is_text_head(std::span<const uint8_t> bytes) {
+  const std::span<const uint8_t> head = bytes.first(kFirstTriangle);
+  return std::all_of(head.begin(), head.end(), is_text_byte);
+}
+
 Error neither(std::string_view name, std::span<const uint8_t> bytes) {
   constexpr size_t kShownBytes = 16;
   std::string got = "no bytes";
@@ -147,16 +152,23 @@ bool looks_like_facet(const uint8_t* facet) {
   return has_normal && (a != b || b != c);
 }
 
+// Whether all bytes from a triangle on, of those that the size holds, look like triangles.
+bool are_facets(std::span<const uint8_t> bytes, size_t first) {
+  const size_t held = (bytes.size() - kFirstTriangle) / kTriangleBytes;
+  for (size_t i = first; i < held; ++i) {
+    cancel_point();
+    if (!looks_like_facet(bytes.data() + kFirstTriangle + i * kTriangleBytes)) return false;
+  }
+  return true;
+}
+
 // The number of triangles to read: the declared one, or that of the size if the count is wrong.
 uint32_t true_count(std::span<const uint8_t> bytes, uint32_t declared) {
   const size_t body = bytes.size() - kFirstTriangle;
   const size_t held = body / kTriangleBytes;
   if (body % kTriangleBytes != 0 || held == 0 || held > limits::kTrianglesMax) return declared;
-  for (size_t i = declared == 0 ? held : declared; i < held; ++i) {
-    cancel_point();
-    if (!looks_like_facet(bytes.data() + kFirstTriangle + i * kTriangleBytes)) return declared;
-  }
-  return static_cast<uint32_t>(held);
+  const bool is_held = declared == 0 || are_facets(bytes, declared);
+  return is_held ? static_cast<uint32_t>(held) : declared;
 }
 
 void warn_of_size(Scene& scene, std::string_view name, uint32_t declared, uint32_t count,
@@ -186,11 +198,15 @@ bool is_binary_stl(std::span<const uint8_t> bytes) {
   return bytes.size() == kFirstTriangle + count * kTriangleBytes;
 }
 
+bool is_binary_stl_of_wrong_count(std::span<const uint8_t> bytes) {
+  return bytes.size() > kFirstTriangle && (bytes.size() - kFirstTriangle) % kTriangleBytes == 0 &&
+         !is_text_head(bytes) && are_facets(bytes, 0);
+}
+
 Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> bytes) {
   if (bytes.size() < kFirstTriangle) return neither(name, bytes);
   const uint32_t declared = read_u32(bytes.data() + kBinaryHeaderBytes);
-  const std::span<const uint8_t> head = bytes.first(kFirstTriangle);
-  const bool is_text = std::all_of(head.begin(), head.end(), is_text_byte);
+  const bool is_text = is_text_head(bytes);
   const uint32_t count = is_text ? declared : true_count(bytes, declared);
   const uint64_t needed = kFirstTriangle + uint64_t{count} * kTriangleBytes;
   if (bytes.size() != needed && (is_text || count > limits::kTrianglesMax)) {

@@ -15,6 +15,9 @@ namespace voxeld {
 // Whether the size fits a binary STL with its triangle count: 84 + 50 n, n > 0. The header of such
 // a file may also begin with "solid".
 bool is_binary_stl(std::span<const uint8_t> bytes);
+// Whether the size is that of a header, which is not text, and of whole triangles alone, which look
+// like some: unit or no normals, corners apart. For a count that is wrong.
+bool is_binary_stl_of_wrong_count(std::span<const uint8_t> bytes);
 // The colour, in linear light, of a number with 5 bits each of red (highest), green and blue.
 glm::vec4 stl_color(uint32_t bits);
 

@@ -106,6 +106,18 @@ TEST(Stl, the_size_wins_over_a_wrong_count_with_a_warning) {
         test::warnings_of(*scene),
         testing::ElementsAre("triangle-count: a.stl: the header declares " + std::to_string(count) +
                              " triangles, the size is that of 3, which were read"));
+    const auto unnamed = load_text("", stl_that_declares(count, facets));
+    ASSERT_TRUE(unnamed) << unnamed.error().message();
+    EXPECT_EQ(unnamed->triangle_count(), 3u);
+  }
+}
+
+TEST(Stl, no_name_and_a_wrong_count_need_triangles_alone) {
+  const std::string bytes = stl_that_declares(0, {kLeft, kRight});
+  for (const std::string& other : {bytes + std::string(50, 'x'), bytes + "x", bytes.substr(0, 84),
+                                   bytes.substr(0, 83), std::string(84, 'a') + bytes.substr(84)}) {
+    EXPECT_THAT(message_of(load_text("", other)), testing::HasSubstr("not a format that voxeld"))
+        << other.size() << " bytes";
   }
 }
 
