@@ -134,7 +134,7 @@ function(voxeld_gpu_test name)
     else()
       add_test(NAME ${name}.${device} COMMAND ${name})
     endif()
-    set_tests_properties(${name}.${device} PROPERTIES LABELS gpu TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL TRUE
+    set_tests_properties(${name}.${device} PROPERTIES LABELS gpu TIMEOUT ${ARG_TIMEOUT}
                          ENVIRONMENT "VOXELD_TEST_DEVICE=${device}")
     if(is_smoke OR ARG_WHOLE)
       add_test(NAME ${name}.${device}.whole COMMAND ${name})
