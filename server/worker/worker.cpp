@@ -216,6 +216,7 @@ Result<int> run_worker(const WorkerConfig& config) {
   handle_signals(client->fd(), slices->fd());
   VOXELD_TRY(slices->hello({kTaskProtocolVersion, ::getpid(), gpu::device_name(config.device)}));
   offer_to_oom_killer();
+  const int64_t memory = memory_limit_bytes();  // the sandbox hides the control group
   WorkerSandbox sandbox(config.sandbox);
   VOXELD_ASSIGN(const WorkerFolders folders, client->prepare());
   keep_disk_reserve(folders.disk_reserve_bytes);
@@ -229,6 +230,7 @@ Result<int> run_worker(const WorkerConfig& config) {
         sandbox.suspected(std::move(device).error(), gpu::device_name(config.device)));
   }
   Engine engine(*std::move(device));
+  if (memory > 0) engine.voxelizer.set_host_bytes_max(memory / 4 * 3);
   engine.part_interval =
       std::chrono::milliseconds(static_cast<int64_t>(config.part_seconds * 1000.0));
   const gpu::DeviceInfo& info = engine.device.info;
