@@ -39,7 +39,8 @@ bool has_extension(std::string_view filename, std::string_view extension) {
 }
 
 const FileFormat* format_of(Bytes bytes, std::string_view filename) {
-  const std::string_view text = as_text(bytes);
+  std::string storage;
+  const std::string_view text = plain_text(bytes, storage);  // readers of texts do the same
   const auto found = std::ranges::find_if(kFormats, [&](const FileFormat& format) {
     return format.signature.empty() ? has_extension(filename, format.extension)
                                     : text.starts_with(format.signature);

@@ -99,6 +99,15 @@ TEST(JascPalette, has_as_many_colours_as_it_says) {
             "a.pal: expected a file that begins with 'JASC-PAL' or 'RIFF', got \"PAL\"");
 }
 
+TEST(PaletteFiles, of_text_may_have_a_byte_order_mark) {
+  const std::string utf8 = "\xef\xbb\xbf", gimp = "GIMP Palette\r\n1 2 3\r\n";
+  EXPECT_EQ(read(utf8 + gimp, "a.gpl"), (Colors{{1, 2, 3}}));
+  EXPECT_EQ(read(utf8 + "JASC-PAL\r\n0100\r\n1\r\n1 2 3\r\n", "a.pal"), (Colors{{1, 2, 3}}));
+  std::string utf16 = "\xff\xfe";
+  for (const char c : gimp) utf16 += little(static_cast<uint64_t>(c), 2);
+  EXPECT_EQ(read(utf16, "a.gpl"), (Colors{{1, 2, 3}}));
+}
+
 TEST(HexPalette, has_a_colour_in_each_line) {
   EXPECT_EQ(read("1a1c2c\r\n\r\n#F4F4f4\r\n", "a.hex"), (Colors{{26, 28, 44}, {244, 244, 244}}));
   EXPECT_EQ(error_of("1a1c2c\n1a1c2\n", "a.hex"),
