@@ -1,6 +1,7 @@
 // Palettes that are text. Lines end with LF, CRLF or CR.
 //
 //   .gpl   GIMP Palette | Name: … | Columns: … | # comment | R G B name
+//          Aseprite's with alpha: Channels: RGBA | R G B A name
 //   .pal   JASC-PAL | 0100 | number of colours | R G B
 //   .hex   RRGGBB, alone in its line
 #include <array>
@@ -82,14 +83,19 @@ Status read_gimp(Bytes bytes, FileColors& colors) {
   Lines lines(bytes);
   const std::string_view first = lines.header();
   if (first != "GIMP Palette") return colors.error(lines.place(), "GIMP Palette", shown(first));
-  bool is_header = true;
+  bool is_header = true, has_alpha = false;
   while (const auto line = lines.next()) {
     if (line->empty() || line->starts_with('#')) continue;
     if (is_header && (line->starts_with("Name:") || line->starts_with("Columns:"))) continue;
+    if (is_header && *line == "Channels: RGBA") {
+      has_alpha = true;
+      continue;
+    }
     is_header = false;
     std::string_view rest = *line;
     const auto color = take_color(rest);
     if (!color) return colors.error(lines.place(), std::string(kComponents), shown(*line));
+    if (has_alpha && take_word(rest) == "0") continue;
     VOXELD_TRY(colors.add(*color));
   }
   return {};

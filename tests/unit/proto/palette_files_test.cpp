@@ -66,6 +66,16 @@ TEST(GimpPalette, has_colours_with_and_without_names) {
   expect_cut_files_are_harmless(file, "a.gpl");
 }
 
+TEST(GimpPalette, with_alpha_has_the_colours_above_alpha_0) {
+  const std::string colors = "#\n1 2 3 255 a\n4 5 6 0 Mask\n7 8 9 128\n";
+  EXPECT_EQ(read("GIMP Palette\nChannels: RGBA\n" + colors, "a.gpl"),
+            (Colors{{1, 2, 3}, {7, 8, 9}}));
+  // Without that line a fourth number is a name.
+  EXPECT_EQ(read("GIMP Palette\n" + colors, "a.gpl"), (Colors{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}}));
+  EXPECT_EQ(error_of("GIMP Palette\nChannels: CMYK\n" + colors, "a.gpl"),
+            "a.gpl line 2: expected red, green and blue from 0 to 255, got \"Channels: CMYK\"");
+}
+
 TEST(GimpPalette, tells_the_line_that_is_wrong) {
   EXPECT_EQ(error_of("GIMP Palette\n1 2 3\n1 2 256 x\n", "a.gpl"),
             "a.gpl line 3: expected red, green and blue from 0 to 255, got \"1 2 256 x\"");
