@@ -44,6 +44,7 @@ class GzipPieces {
       if (stream_.avail_in == 0 && !rest_.empty()) feed();
       if (is_at_end_) {
         if (stream_.avail_in == 0) break;
+        cancel_point();  // millions of members may hold nothing
         VOXELD_CHECK(::inflateReset(&stream_) == Z_OK, "inflateReset");
       }
       const int result = ::inflate(&stream_, Z_NO_FLUSH);

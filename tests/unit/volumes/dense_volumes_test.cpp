@@ -4,6 +4,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
 #include "server/volumes/volume.h"
 #include "server/volumes/volume_files.h"
@@ -745,6 +747,22 @@ TEST(NrrdVolume, gzip_may_have_several_members) {
   const Bytes rest = gzip({values.begin() + 13, values.end()});
   data.insert(data.end(), rest.begin(), rest.end());
   EXPECT_EQ(cells_of(loaded(joined(kNrrdStart + "encoding: gzip\n\n", data), 3)), kCellsFrom3);
+}
+
+TEST(NrrdVolume, each_member_of_gzip_has_a_cancellation_point) {
+  constexpr int kMembers = 1000;
+  const Bytes none = gzip({}), values = gzip(values_u1());
+  Bytes data;
+  for (int i = 0; i < kMembers; ++i) data.insert(data.end(), none.begin(), none.end());
+  data.insert(data.end(), values.begin(), values.end());
+  const std::atomic<bool> flag{false};
+  int points = 0;  // of this thread
+  Pause pause;
+  pause.is_due = true;
+  pause.take = [&] { return ++points > 0; };
+  const CancelScope scope(flag, &pause);
+  EXPECT_EQ(cells_of(loaded(joined(kNrrdStart + "encoding: gzip\n\n", data), 3)), kCellsFrom3);
+  EXPECT_GE(points, kMembers);
 }
 
 TEST(NrrdVolume, broken_files_say_what_is_wrong) {
