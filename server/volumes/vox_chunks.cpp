@@ -26,6 +26,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <string>
 #include <utility>
 
@@ -35,6 +36,7 @@
 #include "proto/text/hex.h"
 #include "proto/text/number_text.h"
 #include "server/base/cancel_point.h"
+#include "server/base/pieces.h"
 #include "server/volumes/volume_error.h"
 
 namespace voxeld::volumes {
@@ -104,6 +106,7 @@ class VoxCursor {
   void dict(Visit&& visit) {
     const uint32_t pairs = count(2 * sizeof(int32_t), "pairs");
     for (uint32_t i = 0; i < pairs && ok(); ++i) {
+      cancel_point();
       const std::string_view key = text();
       const std::string_view value = text();
       if (ok()) visit(key, value);
@@ -201,7 +204,7 @@ class VoxChunks {
     }
     VOXELD_TRY(read_main(head));
     VOXELD_TRY(sort_nodes());
-    std::ranges::sort(file_.hidden_layers);
+    cancellable_sort(file_.hidden_layers.begin(), file_.hidden_layers.end(), std::less<>());
     if (file_.models.empty()) {
       return malformed_volume(name_, "", "the file has no model", "a chunk XYZI", "none");
     }
@@ -398,7 +401,8 @@ class VoxChunks {
   }
 
   Status sort_nodes() {
-    std::ranges::sort(file_.nodes, {}, &VoxNode::id);
+    cancellable_sort(file_.nodes.begin(), file_.nodes.end(),
+                     [](const VoxNode& a, const VoxNode& b) { return a.id < b.id; });
     const auto twice = std::ranges::adjacent_find(file_.nodes, {}, &VoxNode::id);
     if (twice == file_.nodes.end()) return {};
     return malformed_volume(name_, "node " + std::to_string(twice->id), "two nodes with this id",

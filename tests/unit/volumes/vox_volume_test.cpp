@@ -2,6 +2,7 @@
 // and broken ones.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -9,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
 #include "server/volumes/volume.h"
 #include "tests/unit/formats/sample_frames.h"
@@ -539,6 +541,28 @@ TEST(VoxVolume, bytes_that_change_give_a_grid_or_an_error) {
     }
   }
   EXPECT_GT(read, 0);
+}
+
+TEST(VoxVolume, pairs_and_nodes_have_cancellation_points) {
+  const auto points_of = [](const Bytes& bytes) {
+    const std::atomic<bool> flag{false};
+    int points = 0;  // of this thread
+    Pause pause;
+    pause.is_due = true;
+    pause.take = [&] { return ++points > 0; };
+    const CancelScope scope(flag, &pause);
+    EXPECT_EQ(error_of(bytes), "no error");
+    return points;
+  };
+  constexpr int kCount = 1000;
+  const Bytes one = model({1, 1, 1}, {{0, 0, 0, 1}});
+  const Dict pairs(kCount, Dict::value_type("key", "value"));
+  EXPECT_GE(points_of(file({one, transform(0, 1, {}, pairs), shape(1, 0)})), kCount);
+
+  // One for each chunk, and more for the comparisons that sort the nodes.
+  std::vector<Bytes> chunks = {one, shape(0, 0)};
+  for (int id = kCount; id > 0; --id) chunks.push_back(group(id, {}));
+  EXPECT_GE(points_of(file(chunks)), 3 * kCount);
 }
 
 TEST(VoxVolume, a_graph_that_multiplies_its_nodes_is_refused) {
