@@ -306,8 +306,8 @@ Status NrrdReader::read_sizes() {
   return {};
 }
 
-// Checks that the first of four axes is a colour's. A list or a vector of no closer kind is taken
-// as one.
+// Checks that three axes are of cells, and that the first of four is a colour's. A list or a vector
+// of no closer kind is taken as one.
 Status NrrdReader::read_kinds() {
   constexpr std::string_view kAny[] = {"???", "none", "list", "vector"};
   if (field("kinds").empty()) return {};
@@ -315,7 +315,14 @@ Status NrrdReader::read_kinds() {
   if (kinds.size() != dimension_) {
     return broken("kinds", "kinds of the axes", std::to_string(dimension_) + " words");
   }
-  if (dimension_ == 3) return {};
+  if (dimension_ == 3) {
+    // Only kinds of components, as RGB-color and 3-vector, have a hyphen.
+    const auto has_components = [](std::string_view word) {
+      return word.find('-') != std::string_view::npos;
+    };
+    if (std::ranges::none_of(kinds, has_components)) return {};
+    return unsupported("kinds", "components of an image of two axes", "three axes beside them");
+  }
   const std::string kind = lower_case(kinds[0]);
   const bool is_three = kind == "rgb-color" || kind == "3-color";
   const bool is_four = kind == "rgba-color" || kind == "4-color";

@@ -837,6 +837,12 @@ TEST(NrrdVolume, broken_files_say_what_is_wrong) {
        "none none\""},
       {file(raw + "kinds: domain\n"),
        R"(a.nrrd: kinds: kinds of the axes: expected 3 words, got "domain")"},
+      {file(raw + "kinds: RGB-color domain domain\n"),
+       "a.nrrd: kinds: components of an image of two axes: expected three axes beside them, got "
+       "\"RGB-color domain domain\""},
+      {file(raw + "kinds: space space 3-vector\n"),
+       "a.nrrd: kinds: components of an image of two axes: expected three axes beside them, got "
+       "\"space space 3-vector\""},
       {file(raw + "spacings: 1 1\n"),
        R"(a.nrrd: spacings: edges of a voxel: expected 3 numbers, got "1 1")"},
       {file(raw + "spacings: 1 1 inf\n"),
