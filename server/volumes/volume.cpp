@@ -3,14 +3,21 @@
 #include <utility>
 
 #include "proto/container/grid_format.h"
+#include "server/volumes/volume_error.h"
 #include "server/volumes/volume_files.h"
 
 namespace voxeld {
 namespace {
 
-Result<Volume> read_container(std::span<const uint8_t> bytes) {
+Result<Volume> read_container(std::string_view name, std::span<const uint8_t> bytes) {
+  auto grid = grid_from_container(bytes);
+  if (!grid) {
+    Error& error = grid.error();
+    return volumes::malformed_volume(name, {}, error.detail, std::move(error.expected),
+                                     std::move(error.got));
+  }
   Volume volume;
-  VOXELD_ASSIGN(volume.grid, grid_from_container(bytes));
+  volume.grid = *std::move(grid);
   return volume;
 }
 
@@ -57,7 +64,7 @@ Result<Volume> load_volume(std::string_view name, std::span<const uint8_t> bytes
   }
   switch (*format) {
     case VolumeFormat::kContainer:
-      return read_container(bytes);
+      return read_container(name, bytes);
     case VolumeFormat::kVox:
       return volumes::read_vox(name, bytes);
     case VolumeFormat::kBinvox:

@@ -1,5 +1,5 @@
-// binvox, npy and nrrd: what our encoders write, files made from the specifications with the cells
-// that they hold, and broken files with the errors that they give.
+// binvox, npy, nrrd and voxg: what our encoders write, files made from the specifications with the
+// cells that they hold, and broken files with the errors that they give.
 #include <gtest/gtest.h>
 #include <zlib.h>
 
@@ -903,6 +903,20 @@ TEST(NrrdVolume, more_voxels_than_a_grid_may_have_are_refused) {
                                       data),
                                1)),
             "a.nrrd: too many voxels: expected at most 268435456, got 268436480");
+}
+
+// voxg
+
+TEST(ContainerVolume, a_broken_file_is_named_and_malformed) {
+  Bytes bytes = encoded(large_grid(), to(Format::kNative));
+  EXPECT_EQ(loaded(bytes).tiles, occupancy(large_grid()));
+  const size_t size = bytes.size();
+  bytes.pop_back();
+  const auto volume = load_volume("a.voxg", bytes, 0.5);
+  ASSERT_FALSE(volume);
+  EXPECT_EQ(volume.error().code, ErrorCode::kMalformedMesh);
+  EXPECT_EQ(error_of(volume), "a.voxg: grid container, byte 96: length: expected " +
+                                  std::to_string(size) + " bytes, got " + std::to_string(size - 1));
 }
 
 }  // namespace
