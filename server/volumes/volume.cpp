@@ -13,6 +13,7 @@ Result<Volume> read_container(std::string_view name, std::span<const uint8_t> by
   auto grid = grid_from_container(bytes);
   if (!grid) {
     Error& error = grid.error();
+    if (error.code != ErrorCode::kBadRequest) return std::move(error);
     return volumes::malformed_volume(name, {}, error.detail, std::move(error.expected),
                                      std::move(error.got));
   }

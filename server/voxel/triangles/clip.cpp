@@ -60,7 +60,7 @@ ClipPolygon clip_triangle(const std::array<glm::dvec3, 3>& p_grid, const glm::dv
   const auto first = std::ranges::min_element(
       corners,
       [](const ClipCorner& a, const ClipCorner& b) { return comes_first(a.p_grid, b.p_grid); });
-  std::ranges::rotate(corners, first);
+  std::rotate(corners.begin(), first, corners.end());
   return polygon;
 }
 
