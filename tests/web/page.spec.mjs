@@ -498,6 +498,31 @@ test("a grid that comes after its mesh was left tells nothing", async ({ page })
   await expect(page.locator("#facts")).toBeHidden();
 });
 
+test("a grid that comes after the next one tells nothing", async ({ page }) => {
+  let isFirst = true,
+    release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  await page.route("**/v1/grids/*", async route => {
+    if (isFirst) {
+      isFirst = false;
+      await held;
+    }
+    await route.continue();
+  });
+  await page.goto(daemon.url);
+  const asked = page.waitForRequest("**/v1/grids/*");
+  await drop(page, join(fixtures, "sample.ply"));
+  const url = (await asked).url();
+  await resize(page, 64);
+  await shown(page, 64);
+  const came = page.waitForResponse(url);
+  release();
+  await came;
+  // The same bytes once more: the page has read its own by then.
+  await page.evaluate(async url => (await (await fetch(url)).blob()).arrayBuffer(), url);
+  await shown(page, 64);
+});
+
 test("an upload shows its progress, and a known file is not sent again", async ({ page }) => {
   await page.goto(daemon.url);
   const client = await page.context().newCDPSession(page);

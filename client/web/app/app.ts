@@ -38,7 +38,7 @@ export class App {
   #timer = 0;
   #keepCamera = false;
   #shownJob = ""; // of the frames that the timeline shows
-  #frameMeta: GridMeta = {}; // of its sequence
+  #meta: GridMeta = {}; // of the grid that came last
 
   readonly #stage: Stage;
   readonly #runner: Runner;
@@ -411,10 +411,10 @@ export class App {
     const meta = job.result?.meta ?? {},
       asset = this.#asset;
     const isMoving = !preview && (job.frames_total > 0 || Boolean(job.result?.sequence));
+    this.#meta = meta;
     if (isMoving) {
       const isNew = this.#shownJob !== job.id;
       this.#shownJob = job.id;
-      this.#frameMeta = meta;
       this.#timeline.show(
         job.frames_done,
         job.frames_total,
@@ -426,13 +426,13 @@ export class App {
       if (!this.#stage.path && this.#stage.viewer) this.#showOver(T.fetching);
       await this.#show({ path: `/v1/grids/${job.result?.grid ?? ""}`, meta });
     }
-    if (this.#asset !== asset) return; // it is another mesh's turn
+    if (this.#asset !== asset || this.#meta !== meta) return; // it is another grid's turn
     this.#showOver("");
     this.#showFacts(meta, preview);
   }
 
   #frame(frame: number): Shown {
-    return { path: `/v1/jobs/${this.#shownJob}/frames/${frame}`, meta: this.#frameMeta };
+    return { path: `/v1/jobs/${this.#shownJob}/frames/${frame}`, meta: this.#meta };
   }
 
   async #show(shown: Shown): Promise<void> {
