@@ -811,6 +811,32 @@ test("delete removes the mesh and its results", async ({ page }) => {
   expect(await results()).not.toContain("concave.voxg");
 });
 
+test("delete waits until the job that runs is cancelled", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await resize(page, 8192);
+  await page.click("#run");
+  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+  const steps = [];
+  await page.route("**/v1/**", async route => {
+    const request = route.request();
+    if (request.method() !== "DELETE") return await route.continue();
+    if (!request.url().includes("ended=keep")) {
+      steps.push("delete");
+      return await route.continue();
+    }
+    const response = await route.fetch();
+    // Another response: a page that does not wait has asked for more by then.
+    await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+    steps.push("cancelled");
+    await route.fulfill({ response });
+  });
+  await page.click("#delete");
+  await told(page, "sample and its results are deleted");
+  expect(steps.slice(0, 2)).toEqual(["cancelled", "delete"]);
+});
+
 test("an error says what was expected and what came", async ({ page }) => {
   await page.goto(daemon.url);
   const [bad] = JSON.parse(readFileSync(join(fixtures, "bad/list.json")));

@@ -33,7 +33,7 @@ const ANIMATION_OPTIONS = ["animation", "fps", "frames", "times", "root_motion"]
 export class Runner {
   #running: AbortController | null = null;
   #active = ""; // id of a job that has not ended
-  #submitting: Promise<unknown> = Promise.resolve(); // the last request for a job
+  #pending: Promise<unknown> = Promise.resolve(); // requests for jobs and for their end
 
   constructor(
     private readonly api: Api,
@@ -67,15 +67,17 @@ export class Runner {
     return null;
   }
 
-  /** Cancels what runs. */
+  /** Cancels what runs. Waits for the requests of earlier calls, too. */
   async stop(): Promise<void> {
     const job = this.#active;
     this.#running?.abort();
     this.#running = null;
     this.#active = "";
-    const status = job && (await this.#cancel(job));
+    const cancelled = job && this.#cancel(job);
+    if (cancelled) this.#waitFor(cancelled);
+    const status = await cancelled;
     if (status) this.hooks.onStatus({ ...status, state: "cancelled" }, 0);
-    await this.#submitting;
+    await this.#pending;
   }
 
   /** Submits another kind of job and waits for its end. */
@@ -111,10 +113,15 @@ export class Runner {
         if (signal.aborted) await this.#cancel(job.id);
         return job;
       });
-    this.#submitting = submitted.catch(() => undefined);
+    this.#waitFor(submitted);
     const job = await submitted;
     signal.throwIfAborted();
     return job;
+  }
+
+  // For stop().
+  #waitFor(request: Promise<unknown>): void {
+    this.#pending = Promise.allSettled([this.#pending, request]).then(() => undefined);
   }
 
   // The job's status; null if there is none.
