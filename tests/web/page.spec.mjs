@@ -632,6 +632,23 @@ test("a change of the settings supersedes a run whose price is asked for", async
   await given;
 });
 
+test("cancel ends a run whose price is asked for", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await resize(page, 8192);
+  await page.click("#run");
+  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+  await page.route(/dry_run/, () => undefined); // no response
+  const asked = page.waitForRequest(/dry_run/);
+  await page.click("#run");
+  await asked;
+  const given = page.waitForEvent("requestfailed", request => request.url().includes("dry_run"));
+  await page.click("#cancel");
+  await given;
+  await expect(page.locator("#job")).toHaveText("Cancelled.");
+});
+
 test("a run that is left before it has submitted a job submits none", async ({ page }) => {
   let release = () => undefined;
   const held = new Promise(resolve => (release = resolve));

@@ -367,6 +367,8 @@ export class App {
   }
 
   async #cancel(): Promise<void> {
+    clearTimeout(this.#timer);
+    this.#pricing?.abort(); // of a run that would begin later
     try {
       await this.#runner.stop();
     } catch (error) {
