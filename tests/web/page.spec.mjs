@@ -371,6 +371,30 @@ test("a frame that does not come is a problem, and the animation plays on", asyn
   await expect(frame).not.toHaveText(/^7 \//);
 });
 
+test("a frame that does not come is no problem once its mesh was left", async ({ page }) => {
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  const path = "**/frames/6*";
+  await page.route(path, async route => {
+    await held;
+    await route.fulfill({ status: 400, json: { code: "test", detail: "frame 6 is lost" } });
+  });
+  await page.goto(daemon.url);
+  await page.click('.sample:has-text("Worm")');
+  await resize(page, 16);
+  await expect(page.locator("#commands pre")).toContainText("size=16"); // all frames are there
+  const asked = page.waitForRequest(path);
+  await page.locator("#timeline input").fill("6");
+  await asked;
+  await page.click("#new");
+  const came = page.waitForResponse(path);
+  release();
+  await came;
+  // Another response: the page has read that one by then.
+  await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+  await expect(page.locator("#banner")).toBeHidden();
+});
+
 test("an animation that plays ends with its mesh, and the next one begins anew", async ({ page }) => {
   const frame = page.locator("#timeline output");
   await page.goto(daemon.url);

@@ -190,8 +190,10 @@ export class Stage {
     show: (bytes: ArrayBuffer) => Promise<unknown>,
   ): Promise<number> {
     for (let level = first, codec = ""; ;) {
-      const bytes = await this.#fetchGrid(path, queryOf(level, region, codec));
-      this.#checkTurn(turn);
+      // The error of a superseded turn is not told.
+      const bytes = await this.#fetchGrid(path, queryOf(level, region, codec)).finally(() =>
+        this.#checkTurn(turn),
+      );
       try {
         await show(bytes);
         return level;
