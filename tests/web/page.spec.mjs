@@ -937,6 +937,23 @@ test("after 40 s without the daemon the page goes on", async ({ page }) => {
   await expect(page.locator("#banner")).toBeHidden();
 });
 
+test("a problem that comes while the daemon is away stays when it is back", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  let isAway = true;
+  await page.route("**/v1/**", route => (isAway ? route.abort() : route.continue()));
+  await resize(page, 96);
+  const banner = page.locator("#banner");
+  await expect(banner).toContainText("does not answer");
+  await drop(page, join(fixtures, "bad/list.json"));
+  await expect(banner).toContainText("None of these files is a mesh: list.json");
+  isAway = false;
+  await told(page, "The daemon answers again");
+  await expect(banner).toContainText("None of these files is a mesh: list.json");
+  await expect(banner).toBeVisible();
+});
+
 test("a body that breaks off is asked for again", async ({ page }) => {
   let grids = 0;
   const proxy = http.createServer((request, response) => {

@@ -50,7 +50,10 @@ function showProblem(error: unknown): void {
 }
 
 function showConnection(isOnline: boolean): void {
-  if (isOnline) note(T.online);
+  if (isOnline) {
+    note(T.online);
+    if (banner.className !== "offline") return; // a problem stays until it is dismissed
+  }
   fill(banner, h("div", {}, T.offline));
   banner.className = "offline";
   banner.hidden = isOnline;
