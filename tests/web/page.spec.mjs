@@ -337,6 +337,19 @@ test("the samples become voxels, one after the other", DRAWN, async ({ page }) =
   }
 });
 
+test("a grid without voxels has none, and is no animation", async ({ page }) => {
+  await page.route("**/v1/jobs/*", async route => {
+    const response = await route.fetch(),
+      job = await response.json();
+    if (job.result?.meta) job.result.meta.voxel_count = 0;
+    await route.fulfill({ response, json: job });
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await expect(page.locator("#facts")).toHaveText(/^0 voxels, /);
+});
+
 test("an animation has a timeline that plays", async ({ page }) => {
   await page.goto(daemon.url);
   await page.click('.sample:has-text("Worm")');

@@ -455,7 +455,7 @@ export class App {
     const { level } = this.#stage;
     const places = { voxels: count(meta.voxel_count ?? 0), dims: dims.join(" × ") };
     this.#facts.textContent =
-      t(meta.voxel_count ? T.done : T.doneFrames, places) +
+      t(meta.voxel_count === undefined ? T.doneFrames : T.done, places) +
       (preview
         ? ` · ${t(T.preview, { n: preview })}`
         : level > 0

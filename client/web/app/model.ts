@@ -62,7 +62,7 @@ export interface GridMeta {
   readonly dims?: readonly [number, number, number];
   readonly origin?: readonly [number, number, number];
   readonly voxel_size?: readonly [number, number, number];
-  readonly voxel_count?: number;
+  readonly voxel_count?: number; // absent of frames
   readonly options?: { readonly distance?: string };
   readonly units?: string;
   readonly channels?: readonly string[];
