@@ -103,6 +103,7 @@ export class Controls {
   }
 
   #pan(x: number, y: number): void {
+    cancelAnimationFrame(this.#resetting);
     const camera = this.target.camera();
     this.target.move({ ...camera, pan: [camera.pan[0] + x, camera.pan[1] + y] });
   }
@@ -120,6 +121,7 @@ export class Controls {
   }
 
   #zoom(by: number, at: Point): void {
+    cancelAnimationFrame(this.#resetting);
     const camera = this.target.camera();
     // At its limits the zoom pans no more.
     const zoom = Math.min(Math.max(camera.zoom * by, ZOOM_MIN), ZOOM_MAX);
@@ -145,6 +147,7 @@ export class Controls {
       camera = this.target.camera();
     if (arrow && event.shiftKey) this.#pan(arrow[0] * PAN_PER_KEY, arrow[1] * PAN_PER_KEY);
     else if (arrow) {
+      cancelAnimationFrame(this.#resetting);
       this.target.turn(
         camera.azimuth + arrow[0] * DEGREES_PER_KEY,
         camera.elevation + arrow[1] * DEGREES_PER_KEY,

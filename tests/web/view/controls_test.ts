@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Session } from "./browser/session";
-import type { Seen } from "../../../client/web/view/viewer";
+import type { Camera, Seen } from "../../../client/web/view/viewer";
 
 const WIDTH = 300,
   HEIGHT = 200;
@@ -166,6 +166,30 @@ test("the canvas has the focus's keys: arrows, plus, minus and R", async () => {
     pan: [0, 0],
     projection: "perspective",
   });
+});
+
+test("the way back to the start ends when a key or the wheel moves the camera", async () => {
+  const { browser } = session;
+  await browser.send("Emulation.setEmulatedMedia", {
+    features: [{ name: "prefers-reduced-motion", value: "no-preference" }],
+  });
+  for (const event of [
+    "new KeyboardEvent('keydown', { key: 'ArrowRight' })",
+    "new KeyboardEvent('keydown', { key: 'ArrowRight', shiftKey: true })",
+    "new WheelEvent('wheel', { deltaY: -400 })",
+  ]) {
+    await browser.call("set", { camera: { azimuth: 200 } });
+    const [moved, later] = await browser.evaluate<[Camera, Camera]>(`(async () => {
+      const canvas = document.querySelector("canvas");
+      canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "r" }));
+      canvas.dispatchEvent(${event});
+      const moved = api.camera();
+      await new Promise(requestAnimationFrame); // called after a step of the way
+      return [moved, api.camera()];
+    })()`);
+    assert.deepEqual(later, moved);
+  }
+  await browser.call("set", {});
 });
 
 test("at its limits the zoom does not pan", async () => {
