@@ -359,6 +359,7 @@ test("an animation has a timeline that plays", async ({ page }) => {
   const frame = page.locator("#timeline output");
   await expect(frame).toHaveText(/^1 \/ \d\d/);
   await expect(page.locator("#commands pre")).toContainText("size=128"); // all frames are there
+  await expect(frame).toHaveAttribute("aria-live", "off");
   await page.click("#timeline button");
   await expect(frame).not.toHaveText(/^1 \//);
   await page.click("#timeline button");

@@ -23,7 +23,8 @@ export class Timeline {
     value: 0,
     "aria-label": T.frame,
   });
-  readonly #text = h("output");
+  // An output is a live region, which would be read with each frame.
+  readonly #text = h("output", { "aria-live": "off" });
   readonly #button = h("button", { onclick: () => this.#play(!this.#isPlaying) }, T.play);
 
   constructor(
