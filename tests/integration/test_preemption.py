@@ -1,6 +1,7 @@
 """More tenants than workers: started jobs give theirs up and go on later with what they have done. Tests that take
 longer are in long/test_preemption_ends.py, those of the rules in tests/unit/jobs/scheduling/preemption_test.cpp."""
 import os
+import re
 import unittest
 
 from fairness_load import GIANT, SMALL, Contention
@@ -86,9 +87,11 @@ class Giants(PreemptionTest):
         self.assertEqual(status["waiting_for"], "a worker")
         self.assertGreater(status["expected_end_ms"], status["created_ms"])
         self.assertTrue(self.parts(status["id"]))
-        metrics = self.load.daemon.request("GET", "/metrics", port=self.load.daemon.admin_port)
-        self.assertRegex(metrics.body.decode(),
-                         r'voxeld_jobs_preempted_total\{kind="voxelize",tenant="[abc]"\} [1-9]')
+
+        def metrics():
+            return self.load.daemon.request("GET", "/metrics", port=self.load.daemon.admin_port).body.decode()
+        counted = re.compile(r'voxeld_jobs_preempted_total\{kind="voxelize",tenant="[abc]"\} [1-9]')
+        wait_until(lambda: counted.search(metrics()), metrics)  # a moment after the state has changed
 
 
 class Ends(PreemptionTest):
