@@ -118,8 +118,12 @@ class Estimates(DaemonTest):
             for size in range(200, 1100, 75):
                 daemon.wait(daemon.submit(kind="voxelize", asset=self.asset,
                                           options={"size": size, "cache": "no"}))
-            learned = self.estimate(daemon, size=640)["estimate"]
-            self.assertEqual(learned["learned_from"], 12)
+
+            def learned_from_all():
+                estimate = self.estimate(daemon, size=640)["estimate"]
+                return estimate if estimate["learned_from"] == 12 else None
+            # A moment after the last job's end is visible.
+            learned = wait_until(learned_from_all, lambda: self.estimate(daemon, size=640))
             self.assertLess(learned["seconds_low"], learned["seconds_high"])
             self.assertNotEqual(learned["seconds"], fresh["estimate"]["seconds"])
             job = daemon.wait(daemon.submit(kind="voxelize", asset=self.asset, options={"size": 640}))
