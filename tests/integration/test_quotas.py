@@ -9,6 +9,7 @@ import tempfile
 import time
 import unittest
 
+from fairness_load import GIANT
 from harness import BIN, Daemon, make_fixtures, wait_until
 from test_tenants import add_key, key_id, keys
 
@@ -249,11 +250,10 @@ class Quotas(unittest.TestCase):
     def test_queued_jobs(self):
         _, lab = self.tenant("few", "--queued-jobs", "2")
         asset = lab.upload(self.fixtures / "sample.glb")
-        options = {"size": 1500, "cache": "no", "fill": "solid"}
         jobs = []
         response = None
         for _ in range(6):  # the first ones may run
-            response = lab.post("/v1/jobs", {"kind": "voxelize", "asset": asset, "options": options})
+            response = lab.post("/v1/jobs", {"kind": "voxelize", "asset": asset, "options": GIANT})
             if response.status == 429:
                 break
             jobs.append(response.json()["id"])
