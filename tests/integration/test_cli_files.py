@@ -8,11 +8,10 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import time
 import unittest
 import zipfile
 
-from harness import BIN, DaemonTest
+from harness import BIN, HANG_SECONDS, DaemonTest, wait_until
 
 
 class CliFiles(DaemonTest):
@@ -185,21 +184,15 @@ class CliFiles(DaemonTest):
                                    env=self.environment, stdin=subprocess.DEVNULL,
                                    stderr=subprocess.PIPE, text=True)
         try:
-            deadline = time.monotonic() + 60
-            while not jobs("running"):
-                self.assertLess(time.monotonic(), deadline)
-                time.sleep(0.05)
+            wait_until(lambda: jobs("running"), states)
             process.send_signal(number)
-            _, stderr = process.communicate(timeout=30)
+            _, stderr = process.communicate(timeout=HANG_SECONDS)
         finally:
             process.kill()
         self.assertEqual(process.returncode, 130, stderr)
         self.assertEqual(stderr.splitlines()[-1], "voxel: stopped by the caller")
         self.assertEqual(list(out.iterdir()), [])
-        deadline = time.monotonic() + 30
-        while left := jobs("running", "queued"):
-            self.assertLess(time.monotonic(), deadline, left)
-            time.sleep(0.05)
+        wait_until(lambda: not jobs("running", "queued"), states)
         self.assertEqual({state for job, state in states().items() if job not in before}, {"cancelled"})
 
     def test_a_dry_run_makes_nothing(self):

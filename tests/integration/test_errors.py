@@ -6,7 +6,7 @@ import re
 import socket
 import unittest
 
-from harness import ROOT, Daemon, DaemonTest
+from harness import HANG_SECONDS, ROOT, Daemon, DaemonTest
 
 # Codes that no request to a healthy daemon on loopback can provoke, and where they are tested.
 TESTED_ELSEWHERE = {
@@ -180,7 +180,7 @@ class Errors(DaemonTest):
                      "20000000")
 
     def test_a_chunked_body_is_bounded_too(self):
-        with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=30) as raw:
+        with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=HANG_SECONDS) as raw:
             raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n"
                         b"Transfer-Encoding: chunked\r\n\r\n")
             chunk = b"100000\r\n" + b"x" * 0x100000 + b"\r\n"
@@ -201,7 +201,7 @@ class Errors(DaemonTest):
         PROVOKED.add("payload-too-large")
 
     def test_a_post_without_length(self):
-        with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=30) as raw:
+        with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=HANG_SECONDS) as raw:
             raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n\r\n")
             response = raw.recv(65536)
         self.assertIn(b" 411 ", response.split(b"\r\n")[0])

@@ -12,7 +12,7 @@ import unittest
 import jsonschema
 import yaml
 
-from harness import BIN, ROOT
+from harness import BIN, HANG_SECONDS, ROOT
 
 FOLDER = ROOT / "docker/kubernetes"
 SCHEMAS = yaml.safe_load((pathlib.Path(__file__).parent / "kubernetes_schemas.yaml").read_text())
@@ -200,7 +200,7 @@ class Pod(unittest.TestCase):
         return process
 
     def status(self, port, path, host, key=None):
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=HANG_SECONDS)
         headers = {"Host": host} | ({"Authorization": f"Bearer {key}"} if key else {})
         try:
             connection.request("GET", path, headers=headers)
@@ -223,7 +223,7 @@ class Pod(unittest.TestCase):
             self.assertEqual(self.status(port, "/v1/me", "voxeld.voxeld.svc"), 401)
             self.assertEqual(self.status(port, "/v1/me", "voxeld.voxeld.svc", self.key), 200)
             process.terminate()
-            self.assertEqual(process.wait(30), 0)
+            self.assertEqual(process.wait(HANG_SECONDS), 0)
 
     def test_the_volume_itself_cannot_be_the_data_directory(self):
         self.initialize()

@@ -197,11 +197,11 @@ class Quotas(unittest.TestCase):
         # The records of jobs are left.
         self.remove_jobs(lab, [job["id"] for job in (still, image, frames)])
         self.assertEqual(self.usage(lab), 0)
-        deadline = time.monotonic() + 30  # files go with the next sweep
         gone = [still["result"]["grid"], image["result"]["blob"], frames["result"]["sequence"], asset]
-        while any(list(pathlib.Path(self.data_dir).rglob(one)) for one in gone):
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.1)
+
+        def files():
+            return [path for one in gone for path in pathlib.Path(self.data_dir).rglob(one)]
+        wait_until(lambda: not files(), files)  # they go with the next sweep
 
     def test_pages_of_lists(self):
         _, lab = self.tenant("pages")
