@@ -119,10 +119,13 @@ class Drain(DrainTest):
         self.assertEqual(daemon.request("DELETE", f"/v1/jobs/{job}").status, 200)
         admin = {name: daemon.request("GET", name, port=daemon.admin_port)
                  for name in ("/livez", "/readyz", "/metrics")}
+
+        def metrics():
+            return daemon.request("GET", "/metrics", port=daemon.admin_port).body
         self.assertEqual({name: response.status for name, response in admin.items()},
                          {"/livez": 200, "/readyz": 503, "/metrics": 200})
         self.assertIn("shutting down", admin["/readyz"].json()["reason"])
-        self.assertIn(b'status="503"', admin["/metrics"].body)
+        wait_until(lambda: b'status="503"' in metrics(), metrics)  # responses come before they are counted
 
         self.assertIsNone(daemon.process.poll(), "it waits for the download")
         self.assertEqual(download.read(), whole)
