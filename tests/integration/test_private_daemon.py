@@ -58,12 +58,14 @@ class PrivateDaemon(unittest.TestCase):
         """Pids of the daemons that have this test's data."""
         found = []
         for path in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
+            pid = int(path.parent.name)
             try:
                 words = path.read_bytes().split(b"\0")
+                leads_session = os.getsid(pid) == pid  # a worker has its parent's words until it calls exec
             except OSError:
                 continue
-            if b"serve" in words and str(self.data).encode() in words:
-                found.append(int(path.parent.name))
+            if b"serve" in words and str(self.data).encode() in words and leads_session:
+                found.append(pid)
         return found
 
     def command(self, *arguments):

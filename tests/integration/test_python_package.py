@@ -62,10 +62,12 @@ class Servers(unittest.TestCase):
         """Pids of the daemons that have this test's data."""
         found = []
         for path in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
+            pid = int(path.parent.name)
             with contextlib.suppress(OSError):
                 words = path.read_bytes().split(b"\0")
-                if b"serve" in words and str(self.data).encode() in words:
-                    found.append(int(path.parent.name))
+                leads_session = os.getsid(pid) == pid  # a worker has its parent's words until it calls exec
+                if b"serve" in words and str(self.data).encode() in words and leads_session:
+                    found.append(pid)
         return found
 
     def python(self, script, **environment):
