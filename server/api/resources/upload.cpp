@@ -169,7 +169,8 @@ class FileSink final : public BodySink {
   }
 
   Reply finish(Request& request) override {
-    return registered(request, std::move(announced_), store(), then_);
+    const Result<Asset> asset = store();  // before what it reads is moved
+    return registered(request, std::move(announced_), asset, then_);
   }
 
  private:
