@@ -52,7 +52,7 @@ void expect_matches(const std::vector<std::string>& names, std::string_view from
 
 constexpr const char* kCase = "the same name in another case";
 constexpr const char* kFolder = "the same name in another folder";
-constexpr const char* kEnd = "the end of the path";
+constexpr const char* kPathEnd = "the end of the path";
 constexpr const char* kBytes = "the same bytes, which are not UTF-8";
 
 TEST(FileNames, references_are_found_in_the_documented_order) {
@@ -64,12 +64,12 @@ TEST(FileNames, references_are_found_in_the_documented_order) {
                   {"models/skin.png", "models/skin.png"},       // then from the top
                   {".\\Tex\\Wood.PNG", "models/Tex/Wood.PNG"},  // Windows
                   {"tex/wood.png", "models/Tex/Wood.PNG", kCase},
-                  {"a%20b.png", "models/a b.png"},                      // URI
-                  {"50%25.png", "50%25.png"},                           // as written before decoded
-                  {"C:\\Users\\me\\only.JPG", "other/only.jpg", kEnd},  // somebody's disk
-                  {"/home/me/deep.png", "models/x/deep.png", kEnd},
+                  {"a%20b.png", "models/a b.png"},  // URI
+                  {"50%25.png", "50%25.png"},       // as written before decoded
+                  {"C:\\Users\\me\\only.JPG", "other/only.jpg", kPathEnd},  // somebody's disk
+                  {"/home/me/deep.png", "models/x/deep.png", kPathEnd},
                   {"deep.png", "models/x/deep.png", kFolder},
-                  {"../../../skin.png", "models/skin.png", kEnd},
+                  {"../../../skin.png", "models/skin.png", kPathEnd},
                   {"\"skin.png\"", "models/skin.png"},
                   {" skin.png ", "models/skin.png"},
                   {"none.png", nullptr},
@@ -84,13 +84,13 @@ TEST(FileNames, of_several_files_the_nearest_is_taken_and_else_none) {
   expect_matches({"a/skin.png", "b/skin.png", "m/tex/skin.png", "m/oak/wood.png", "m/elm/wood.png",
                   "Bark.png", "BARK.png", "x/moss.png", "x/MOSS.png"},
                  "m/tree.obj",
-                 {{"D:\\skin.png", "m/tex/skin.png", kEnd},  // the only one below the mesh
-                  {"D:\\b\\skin.png", "b/skin.png", kEnd},   // more parts of the path
-                  {"D:\\trees\\elm\\wood.png", "m/elm/wood.png", kEnd},
+                 {{"D:\\skin.png", "m/tex/skin.png", kPathEnd},  // the only one below the mesh
+                  {"D:\\b\\skin.png", "b/skin.png", kPathEnd},   // more parts of the path
+                  {"D:\\trees\\elm\\wood.png", "m/elm/wood.png", kPathEnd},
                   {"D:\\wood.png", nullptr},
                   {"BARK.png", "BARK.png"},
                   {"bark.png", nullptr},
-                  {"/moss.png", "x/moss.png", kEnd}});  // one in the same case
+                  {"/moss.png", "x/moss.png", kPathEnd}});  // one in the same case
 }
 
 TEST(FileNames, names_in_a_legacy_encoding_are_found_by_their_bytes_or_by_reading_them) {
