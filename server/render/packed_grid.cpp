@@ -228,7 +228,7 @@ class Packer {
     const size_t first = packed_.attribute_count;
     if (grid_.channels.color) {
       VOXELD_CHECK(first + tile.color.size() / 4 <= packed_.colors.size(), "a colour per voxel");
-      std::memcpy(packed_.colors.data() + first, tile.color.data(), tile.color.size());
+      std::ranges::copy(tile.color, reinterpret_cast<uint8_t*>(packed_.colors.data() + first));
     }
     if (ids_) {
       const std::vector<uint16_t>& ids = id_samples(tile, *ids_);
