@@ -4,7 +4,6 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <atomic>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -17,10 +16,10 @@
 #include <vector>
 
 #include "proto/limits.h"
-#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
 #include "server/volumes/volume.h"
 #include "server/volumes/volume_files.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/formats/npy/npy_reader.h"
 #include "tests/unit/formats/sample_grid.h"
 
@@ -755,14 +754,9 @@ TEST(NrrdVolume, each_member_of_gzip_has_a_cancellation_point) {
   Bytes data;
   for (int i = 0; i < kMembers; ++i) data.insert(data.end(), none.begin(), none.end());
   data.insert(data.end(), values.begin(), values.end());
-  const std::atomic<bool> flag{false};
-  int points = 0;  // of this thread
-  Pause pause;
-  pause.is_due = true;
-  pause.take = [&] { return ++points > 0; };
-  const CancelScope scope(flag, &pause);
-  EXPECT_EQ(cells_of(loaded(joined(kNrrdStart + "encoding: gzip\n\n", data), 3)), kCellsFrom3);
-  EXPECT_GE(points, kMembers);
+  const Bytes file = joined(kNrrdStart + "encoding: gzip\n\n", data);
+  EXPECT_GE(test::points_passed([&] { EXPECT_EQ(cells_of(loaded(file, 3)), kCellsFrom3); }),
+            kMembers);
 }
 
 TEST(NrrdVolume, broken_files_say_what_is_wrong) {

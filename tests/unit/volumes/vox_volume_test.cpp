@@ -2,7 +2,6 @@
 // and broken ones.
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -10,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
 #include "server/volumes/volume.h"
+#include "tests/unit/base/points_passed.h"
 #include "tests/unit/formats/sample_frames.h"
 
 namespace voxeld::vox_volume_test {
@@ -545,14 +544,7 @@ TEST(VoxVolume, bytes_that_change_give_a_grid_or_an_error) {
 
 TEST(VoxVolume, pairs_and_nodes_have_cancellation_points) {
   const auto points_of = [](const Bytes& bytes) {
-    const std::atomic<bool> flag{false};
-    int points = 0;  // of this thread
-    Pause pause;
-    pause.is_due = true;
-    pause.take = [&] { return ++points > 0; };
-    const CancelScope scope(flag, &pause);
-    EXPECT_EQ(error_of(bytes), "no error");
-    return points;
+    return test::points_passed([&] { EXPECT_EQ(error_of(bytes), "no error"); });
   };
   constexpr int kCount = 1000;
   const Bytes one = model({1, 1, 1}, {{0, 0, 0, 1}});
