@@ -118,6 +118,8 @@ class GridReader {
   size_t tile_count() const { return entries_.size(); }
   std::array<int32_t, 3> tile_coord(size_t index) const { return entries_[index].coord; }
   uint64_t tile_voxel_count(size_t index) const { return entries_[index].voxel_count; }
+  // Bricks that lie in no full node.
+  uint64_t tile_brick_count(size_t index) const { return entries_[index].brick_count; }
   uint64_t voxel_count() const { return voxel_count_; }
   // First byte and number of bytes of a tile's data in the container, for range requests.
   std::pair<uint64_t, uint64_t> tile_byte_range(size_t index) const;

@@ -1,16 +1,37 @@
 #include "server/volumes/volume.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "proto/container/grid_format.h"
+#include "proto/limits.h"
 #include "server/volumes/volume_error.h"
 #include "server/volumes/volume_files.h"
 
 namespace voxeld {
 namespace {
 
+// The number of voxels at most, where a full brick counts as one, because it costs as little. The
+// directory tells it; a tile that differs is refused before its attributes are read.
+uint64_t counted_voxels(const GridReader& reader) {
+  constexpr uint64_t kSide = limits::kBrickSide, kBrickVoxels = kSide * kSide * kSide;
+  uint64_t count = 0;
+  for (size_t i = 0; i < reader.tile_count(); ++i) {
+    const uint64_t voxels = reader.tile_voxel_count(i);
+    const uint64_t in_bricks = std::min(voxels, reader.tile_brick_count(i) * kBrickVoxels);
+    count += in_bricks + (voxels - in_bricks) / kBrickVoxels;
+  }
+  return count;
+}
+
+Result<Grid> checked_grid(std::string_view name, std::span<const uint8_t> bytes) {
+  VOXELD_ASSIGN(const GridReader reader, GridReader::open(bytes));
+  VOXELD_TRY(volumes::check_volume_voxels(name, counted_voxels(reader)));
+  return grid_from_container(bytes);
+}
+
 Result<Volume> read_container(std::string_view name, std::span<const uint8_t> bytes) {
-  auto grid = grid_from_container(bytes);
+  auto grid = checked_grid(name, bytes);
   if (!grid) {
     Error& error = grid.error();
     if (error.code != ErrorCode::kBadRequest) return std::move(error);

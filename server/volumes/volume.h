@@ -30,7 +30,7 @@ struct Volume {
 // that makes a voxel, of formats with samples. Memory follows the voxels, not the cells. Errors:
 // malformed-mesh for a file that breaks its format's rules, with the place; unsupported-feature for
 // what is not read; grid-too-large for more than limits::kGridSideMax cells on a side or
-// limits::kSparseVoxelsMax voxels.
+// limits::kSparseVoxelsMax voxels, of which a full brick of a container counts as one.
 Result<Volume> load_volume(std::string_view name, std::span<const uint8_t> bytes, double threshold);
 
 }  // namespace voxeld

@@ -913,5 +913,31 @@ TEST(ContainerVolume, a_broken_file_is_named_and_malformed) {
                                   std::to_string(size) + " bytes, got " + std::to_string(size - 1));
 }
 
+// Containers of some 100 bytes for each tile of 16 million voxels.
+TEST(ContainerVolume, more_voxels_than_a_grid_may_have_are_refused_but_full_bricks_cost_little) {
+  constexpr int kTiles = 17;
+  constexpr uint32_t kTileBricks = 32 * 32 * 32;
+  const auto container = [](SparseTile tile) {
+    Grid grid;
+    grid.spec.dims = {kTiles * limits::kTileSide, limits::kTileSide, limits::kTileSide};
+    for (; tile.coord[0] < kTiles; ++tile.coord[0]) grid.tiles.push_back(tile);
+    return encoded(grid, to(Format::kNative));
+  };
+  SparseTile full;
+  full.full.push_back({0, kTileLevels});
+  EXPECT_EQ(loaded(container(full)).voxel_count(), uint64_t{kTiles} << 24);
+
+  SparseTile with_holes;
+  for (uint32_t i = 0; i < kTileBricks; ++i) {
+    with_holes.brick_morton.push_back(i);
+    with_holes.masks.emplace_back().words.fill(~uint64_t{0});
+    with_holes.masks.back().words[0] ^= 1;
+  }
+  const auto volume = load_volume("a.voxg", container(with_holes), 0.5);
+  ASSERT_FALSE(volume);
+  EXPECT_EQ(volume.error().code, ErrorCode::kGridTooLarge);
+  EXPECT_EQ(error_of(volume), "a.voxg: too many voxels: expected at most 268435456, got 284655616");
+}
+
 }  // namespace
 }  // namespace voxeld
