@@ -1,10 +1,13 @@
 #include "server/volumes/volume.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "proto/container/grid_format.h"
 #include "proto/limits.h"
+#include "proto/options/values.h"
+#include "server/volumes/header_text.h"
 #include "server/volumes/volume_error.h"
 #include "server/volumes/volume_files.h"
 
@@ -24,8 +27,25 @@ uint64_t counted_voxels(const GridReader& reader) {
   return count;
 }
 
+// Holds a container to the numbers that other files may have; its own format takes any finite ones.
+Status check_place(std::string_view name, const GridHeader& header) {
+  using namespace volumes;
+  for (size_t c = 0; c < 3; ++c) {
+    if (std::abs(header.origin[c]) > kWorldMax) {
+      return malformed_volume(name, "origin", "corner of the grid", "3 numbers of at most 1e30",
+                              option_values::to_text(header.origin[c]));
+    }
+    if (header.voxel_size[c] < kVoxelSizeMin || header.voxel_size[c] > kWorldMax) {
+      return malformed_volume(name, "voxel size", "edges of a voxel", "numbers from 1e-30 to 1e30",
+                              option_values::to_text(header.voxel_size[c]));
+    }
+  }
+  return {};
+}
+
 Result<Grid> checked_grid(std::string_view name, std::span<const uint8_t> bytes) {
   VOXELD_ASSIGN(const GridReader reader, GridReader::open(bytes));
+  VOXELD_TRY(check_place(name, reader.header()));
   VOXELD_TRY(volumes::check_volume_voxels(name, counted_voxels(reader)));
   return grid_from_container(bytes);
 }

@@ -913,6 +913,25 @@ TEST(ContainerVolume, a_broken_file_is_named_and_malformed) {
                                   std::to_string(size) + " bytes, got " + std::to_string(size - 1));
 }
 
+TEST(ContainerVolume, a_place_that_floats_do_not_hold_is_refused) {
+  const auto error_at = [](double origin, double voxel_size) {
+    Grid grid = test::grid_of({2, 2, 2}, test::box_voxels({0, 0, 0}, {1, 1, 1}), {});
+    grid.spec.origin_world.y = origin;
+    grid.spec.voxel_size.z = voxel_size;
+    return error_of(load_volume("a.voxg", encoded(grid, to(Format::kNative)), 0.5));
+  };
+  EXPECT_EQ(error_at(-1e30, 1e30), "no error");
+  EXPECT_EQ(error_at(0, 1e-30), "no error");
+  EXPECT_EQ(error_at(-1e300, 1),
+            "a.voxg: origin: corner of the grid: expected 3 numbers of at most 1e30, got -1e+300");
+  EXPECT_EQ(error_at(0, 1e299),
+            "a.voxg: voxel size: edges of a voxel: expected numbers from 1e-30 to 1e30, got "
+            "1e+299");
+  EXPECT_EQ(error_at(0, 1e-200),
+            "a.voxg: voxel size: edges of a voxel: expected numbers from 1e-30 to 1e30, got "
+            "1e-200");
+}
+
 // Containers of some 100 bytes for each tile of 16 million voxels.
 TEST(ContainerVolume, more_voxels_than_a_grid_may_have_are_refused_but_full_bricks_cost_little) {
   constexpr int kTiles = 17;
