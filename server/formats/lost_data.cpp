@@ -5,6 +5,7 @@
 #include "server/base/cancel_point.h"
 #include "server/formats/mesh/world_vertices.h"
 #include "server/formats/volume/volume_facts.h"
+#include "server/grid/morphology/cut_tiles.h"
 
 namespace voxeld {
 namespace {
@@ -26,6 +27,7 @@ struct Held {
 
 Held held_by(const Grid& grid, const OutputOptions& options, const std::string& units) {
   Held held;
+  held.alpha = colors_have_alpha(options);
   if (options.file_layout().kind == FileLayout::kDenseChannel) {
     held.channels = {};
     if (options.channel) held.channels.set(*options.channel);
@@ -50,16 +52,15 @@ Held held_by(const Grid& grid, const OutputOptions& options, const std::string& 
       held.names = held.units = false;
       break;
     case Format::kPcd:
-      held.names = held.alpha = false;
+      held.names = false;
       break;
     case Format::kVox:
       held.channels = {.color = true, .label = true};
       if (const auto ids = coloring_ids(grid)) held.channels.set(*ids);
-      held.alpha = false;
       break;
     case Format::kQb:
       held.channels = {.color = true};
-      held.alpha = held.units = held.placement = false;
+      held.units = held.placement = false;
       break;
     case Format::kInp:
       held.channels =
@@ -72,7 +73,7 @@ Held held_by(const Grid& grid, const OutputOptions& options, const std::string& 
     case Format::kLdr:
       held.channels = {.color = true};
       if (const auto ids = coloring_ids(grid)) held.channels.set(*ids);
-      held.alpha = held.names = false;
+      held.names = false;
       break;
     default:
       break;

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "server/formats/lost_data.h"
+#include "server/grid/morphology/cut_tiles.h"
 
 namespace voxeld::mesh {
 std::vector<Warning> mesh_warnings(const Grid& grid, const OutputOptions& options) {
@@ -14,12 +15,9 @@ std::vector<Warning> mesh_warnings(const Grid& grid, const OutputOptions& option
   if (const std::string names = joined_names(lost); !names.empty()) {
     warnings.push_back({"lost-channels", name + ": a mesh has no place for " + names});
   }
-  if (format == Format::kObj && has_alpha(grid)) {
-    warnings.push_back({"lost-alpha", name + ": vertices have no alpha"});
-  }
-  const bool has_instances = format == Format::kGlb && options.mesh == MeshSurface::kInstances;
-  if (has_instances && has_alpha(grid)) {
-    warnings.push_back({"lost-alpha", name + ": instances have no alpha"});
+  if (!colors_have_alpha(options) && has_alpha(grid)) {
+    const std::string colored = format == Format::kObj ? "vertices" : "instances";
+    warnings.push_back({"lost-alpha", name + ": " + colored + " have no alpha"});
   }
   const auto& meta = grid.meta.members();
   const auto units = meta.find("units");

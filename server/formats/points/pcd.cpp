@@ -118,7 +118,9 @@ class PcdRecords : public ArrayPieces {
     for_each_channel_member([&](auto which, auto member) {
       if (!grid_.channels.has(which)) return;
       constexpr const ChannelInfo& kInfo = channel_info(which);
-      if (attribute == kNoAttributes) {
+      const bool is_inner = attribute == kNoAttributes ||
+                            (kInfo.kind == ChannelKind::kColor && !has_own_color(tile, attribute));
+      if (is_inner) {
         out = put_inner<kInfo.kind>(out);
       } else {
         out = put_samples<kInfo.kind>(out, &(tile.*member)[kInfo.components * attribute]);
@@ -130,8 +132,7 @@ class PcdRecords : public ArrayPieces {
   template <ChannelKind kind, typename Stored>
   uint8_t* put_samples(uint8_t* out, const Stored* stored) const {
     if constexpr (kind == ChannelKind::kColor) {
-      const bool has_own = (stored[0] | stored[1] | stored[2] | stored[3]) != 0;
-      return put_field(out, has_own ? rgb(stored) : mean_);
+      return put_field(out, rgb(stored));
     } else if constexpr (kind == ChannelKind::kVector) {
       for (size_t c = 0; c < 3; ++c) {
         out = put_field(out, static_cast<float>(stored[c]) / INT8_MAX);
@@ -146,7 +147,7 @@ class PcdRecords : public ArrayPieces {
     }
   }
 
-  // The sample of a voxel of a full node.
+  // The sample of a voxel inside of a solid.
   template <ChannelKind kind>
   uint8_t* put_inner(uint8_t* out) const {
     if constexpr (kind == ChannelKind::kColor) {

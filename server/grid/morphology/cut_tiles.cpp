@@ -17,14 +17,18 @@ bool is_transparent(const uint8_t* rgba) {
 
 }  // namespace
 
-bool cuts_transparent(const OutputOptions& options) {
-  if (options.alpha != AlphaRule::kAuto) return options.alpha == AlphaRule::kCut;
+bool colors_have_alpha(const OutputOptions& options) {
   constexpr std::array kWithoutAlpha = {Format::kVox,       Format::kXyz, Format::kObj,
                                         Format::kPcd,       Format::kQb,  Format::kSchem,
                                         Format::kLitematic, Format::kNbt, Format::kLdr};
   const bool has_instances =
       options.format == Format::kGlb && options.mesh == MeshSurface::kInstances;
-  return has_instances || std::ranges::count(kWithoutAlpha, options.format) > 0;
+  return !has_instances && std::ranges::count(kWithoutAlpha, options.format) == 0;
+}
+
+bool cuts_transparent(const OutputOptions& options) {
+  if (options.alpha != AlphaRule::kAuto) return options.alpha == AlphaRule::kCut;
+  return !colors_have_alpha(options);
 }
 
 bool has_transparent_voxels(const SparseTile& tile) {

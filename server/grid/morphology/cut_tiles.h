@@ -6,6 +6,8 @@
 
 namespace voxeld {
 
+// Whether files of the request's format have colours with alpha, or no colours.
+bool colors_have_alpha(const OutputOptions& options);
 // Whether a request leaves transparent voxels out: alpha=cut, or auto with a format whose colours
 // have no alpha.
 bool cuts_transparent(const OutputOptions& options);
