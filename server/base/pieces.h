@@ -91,6 +91,16 @@ void push_in_pieces(std::vector<T, Allocator>& values, const T& value) {
   values.push_back(value);
 }
 
+// Appends `more`, which is no part of the array.
+template <typename T, typename Allocator>
+void append_in_pieces(std::vector<T, Allocator>& values,
+                      std::span<const std::type_identity_t<T>> more) {
+  make_room_in_pieces(values, more.size());
+  in_pieces(more.size(), kPieceElements<T>, [&](size_t begin, size_t end) {
+    values.insert(values.end(), more.data() + begin, more.data() + end);
+  });
+}
+
 // values.resize(count, value).
 template <typename T, typename Allocator>
 void resize_in_pieces(std::vector<T, Allocator>& values, size_t count, const T& value = {}) {

@@ -170,13 +170,13 @@ class TriangleSnapper {
                ChunkOutput& out) const {
     const auto first = static_cast<uint32_t>(mesh_.file_vertex_count + out.clipped.size());
     for (const ClipCorner& corner : corners) {
-      out.clipped.push_back({vertices, corner.weights});
-      out.clipped_q.push_back(snapped(corner.p_grid, spec_.dims));
+      push_in_pieces(out.clipped, {vertices, corner.weights});
+      push_in_pieces(out.clipped_q, snapped(corner.p_grid, spec_.dims));
     }
     const glm::ivec3* q = out.clipped_q.data() + (first - mesh_.file_vertex_count);
     for (uint32_t i = 1; i + 1 < corners.size(); ++i) {
       if (!touches_box(q[0], q[i], q[i + 1])) continue;
-      out.pieces.push_back({{first, first + i, first + i + 1}, part_index_});
+      push_in_pieces(out.pieces, {{first, first + i, first + i + 1}, part_index_});
     }
   }
 
@@ -228,21 +228,25 @@ Status check(const ChunkOutput& chunk, const MeshPart& part, int64_t bytes_max) 
   return {};
 }
 
-void append_pieces(const ChunkOutput& chunk, SnappedMesh& mesh) {
+void append_pieces(ChunkOutput& chunk, SnappedMesh& mesh) {
   const auto shift = static_cast<uint32_t>(mesh.clipped.size());
   for (SnappedTriangle piece : chunk.pieces) {
     cancel_point();
     for (uint32_t& vertex : piece.vertices) vertex += shift;
     push_in_pieces(mesh.triangles, piece);
   }
-  mesh.clipped.insert(mesh.clipped.end(), chunk.clipped.begin(), chunk.clipped.end());
-  mesh.vertices.insert(mesh.vertices.end(), chunk.clipped_q.begin(), chunk.clipped_q.end());
+  append_in_pieces(mesh.clipped, chunk.clipped);
+  append_in_pieces(mesh.vertices, chunk.clipped_q);
+  free_in_pieces(chunk.pieces);
+  free_in_pieces(chunk.clipped);
+  free_in_pieces(chunk.clipped_q);
 }
 
 Status snap_triangles(const MeshPart& part, uint32_t part_index,
                       const WorldFromFile& world_from_file, const GridSpec& spec, int64_t bytes_max,
                       SnappedMesh& mesh) {
   const size_t first = mesh.triangles.size(), count = part.indices.size() / 3;
+  make_room_in_pieces(mesh.triangles, count);
   mesh.triangles.resize(first + count);
   std::vector<ChunkOutput> chunks(chunk_count(count, kSnapGrain));
   const TriangleSnapper snapper(mesh, part, part_index, world_from_file, spec,
@@ -258,11 +262,15 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
   SnappedTriangle* end = mesh.triangles.data() + first;
   for (const ChunkOutput& chunk : chunks) {
     VOXELD_TRY(check(chunk, part, bytes_max));
-    if (end != chunk.whole) std::copy_n(chunk.whole, chunk.whole_count, end);
+    if (end != chunk.whole) {
+      in_pieces(chunk.whole_count, kPieceElements<SnappedTriangle>, [&](size_t from, size_t to) {
+        std::copy(chunk.whole + from, chunk.whole + to, end + from);
+      });
+    }
     end += chunk.whole_count;
   }
   mesh.triangles.resize(static_cast<size_t>(end - mesh.triangles.data()));
-  for (const ChunkOutput& chunk : chunks) append_pieces(chunk, mesh);
+  for (ChunkOutput& chunk : chunks) append_pieces(chunk, mesh);
   return {};
 }
 
@@ -376,8 +384,8 @@ void settle_faces(const glm::ivec3& dims, bool is_mirrored, SnappedMesh& mesh) {
         glm::ivec3 at = corners[i];
         at[axis] = moved;
         triangle.vertices[i] = static_cast<uint32_t>(mesh.vertices.size());
-        mesh.vertices.push_back(at);
-        mesh.clipped.push_back(vertex);
+        push_in_pieces(mesh.vertices, at);
+        push_in_pieces(mesh.clipped, vertex);
       }
       mesh.is_whole = false;
     }

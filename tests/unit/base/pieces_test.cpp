@@ -20,6 +20,10 @@ TEST(Pieces, make_the_arrays_that_the_functions_of_a_vector_make) {
   for (const uint32_t number : numbers) push_in_pieces(pushed, number);
   EXPECT_EQ(pushed, numbers);
 
+  std::vector<uint32_t> joined{0, 1};
+  append_in_pieces(joined, std::span(numbers).subspan(2));
+  EXPECT_EQ(joined, numbers);
+
   resize_in_pieces(pushed, kCount + 3, 7u);
   numbers.resize(kCount + 3, 7u);
   EXPECT_EQ(pushed, numbers);
@@ -58,6 +62,7 @@ TEST(Pieces, end_when_they_are_cancelled) {
   std::vector<uint32_t> values{3, 1, 2};
   EXPECT_THROW(reserve_in_pieces(values, kCount), Cancelled);
   EXPECT_EQ(values, (std::vector<uint32_t>{3, 1, 2}));
+  EXPECT_THROW(append_in_pieces(values, std::vector<uint32_t>{4}), Cancelled);
   EXPECT_THROW(resize_in_pieces(values, kCount), Cancelled);
   EXPECT_THROW(copied_in_pieces(values.data(), values.size()), Cancelled);
   EXPECT_THROW(numbers_in_pieces(kCount), Cancelled);

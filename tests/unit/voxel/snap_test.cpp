@@ -8,9 +8,11 @@
 #include <random>
 #include <tuple>
 
+#include "server/base/parallel.h"
 #include "server/voxel/triangles/clip.h"
 #include "server/voxel/triangles/split.h"
 #include "tests/reference/touch_oracle.h"
+#include "tests/unit/base/points_passed.h"
 
 namespace voxeld {
 namespace {
@@ -339,6 +341,46 @@ TEST(Snap, the_mesh_of_another_moment_does_not_show_in_this_one) {
     }
     before = {};
   }
+}
+
+int points_of_snapping(const Scene& scene) {
+  return test::points_passed(
+      [&] { EXPECT_TRUE(snap_scene(scene, glm::dmat4(1.0), unit_spec(8)).ok()); });
+}
+
+// A copy of 2^20 triangles has 16 pieces of 1 MiB.
+TEST(Snap, copies_of_many_triangles_pass_cancellation_points) {
+  constexpr size_t kTriangles = size_t{1} << 20;
+  Scene scene = scene_of({{1, 1, 1}, {2, 1, 1}, {1, 2, 1}});
+  scene.parts[0].positions.emplace_back(20, 1, 1);
+  const MeshPart one = scene.parts[0];
+  std::vector<uint32_t>& indices = scene.parts[0].indices;
+  while (indices.size() < 3 * kTriangles) {
+    indices.push_back(static_cast<uint32_t>(indices.size() % 3));
+  }
+  const int alone = points_of_snapping(scene);
+
+  Scene two = scene;
+  two.parts.push_back(one);
+  EXPECT_GE(points_of_snapping(two), alone + 16) << "the array grows";
+
+  std::fill_n(indices.begin(), 3, 3u);  // misses the grid, so that those of other chunks move
+  const size_t moved = kTriangles - kTriangles / static_cast<size_t>(voxel_threads());
+  EXPECT_GE(points_of_snapping(scene), alone + static_cast<int>(moved / 65536));
+}
+
+// A copy of 2^21 vertices has 25 pieces of at most 1 MiB.
+TEST(Snap, copies_of_many_vertices_pass_cancellation_points) {
+  Scene scene = scene_of({{1, 1, 1}, {2, 1, 1}, {1, 2, 1}});
+  scene.parts[0].positions.resize(size_t{1} << 21, glm::dvec3(20, 1, 1));
+  auto mesh = snap_scene(scene, glm::dmat4(1.0), unit_spec(8));
+  ASSERT_TRUE(mesh.ok());
+  EXPECT_GE(test::points_passed([&] { settle_faces(glm::ivec3(8), false, *mesh); }), 25);
+  EXPECT_EQ(mesh->clipped.size(), 3u);
+
+  const int alone = points_of_snapping(scene);
+  scene.parts[0].indices.insert(scene.parts[0].indices.end(), {0, 1, 3});
+  EXPECT_GE(points_of_snapping(scene), alone + 25);
 }
 
 TEST(Snap, bounds_are_those_of_vertices_that_triangles_use) {
