@@ -22,6 +22,8 @@ inline constexpr size_t kSceneWarningsMax = 100;
 // Parts that arise only from names (groups of an OBJ, solids of an STL). Further ones are merged
 // into an existing part, so a file of many tiny groups costs no more than its triangles.
 inline constexpr size_t kScenePartsMax = 65'536;
+// Bytes of a part's name, which many parts may share. The rest is cut off.
+inline constexpr size_t kPartNameBytesMax = 1024;
 
 // Whether x is a valid coordinate: no NaN, no infinity, no magnitude above kCoordinateAbsMax.
 inline bool is_coordinate(double x) {

@@ -514,12 +514,13 @@ class MeshLoader {
       return node.name.empty() ? at_index("nodes", node_index) : node.name;
     };
     MeshPart part;
-    part.name = node.name.empty() ? mesh.name : node.name;
+    part.name = (node.name.empty() ? mesh.name : node.name).substr(0, kPartNameBytesMax);
     part.material = material;
     part.mesh = meshes_.index_of(node.mesh, mesh_name);
     part.node = nodes_.index_of(node_index, node_name);
-    part.group = groups_.index_of({node.mesh, index},
-                                  [&] { return mesh_name() + "/" + std::to_string(index); });
+    part.group = groups_.index_of({node.mesh, index}, [&] {
+      return mesh_name().substr(0, kPartNameBytesMax) + "/" + std::to_string(index);
+    });
     part_of_layout_[layout] = scene_.parts.size();
     return scene_.parts.emplace_back(std::move(part));
   }

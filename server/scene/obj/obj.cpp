@@ -237,7 +237,7 @@ class ObjLoader {
       const ObjState& state = file_.states[key.state];
       const int material = material_index(state.material);
       MeshPart& part = scene_.parts.emplace_back();
-      part.name = file_.names[state.name];
+      part.name = file_.names[state.name].substr(0, kPartNameBytesMax);
       part.material = material;
       part.mesh = meshes_.index_of(state.object, [&] { return file_.names[state.object]; });
       part.node = part.mesh;

@@ -21,6 +21,8 @@ constexpr size_t kNamesMax = 65'536;
 constexpr size_t kIgnoredWordsMax = 20;
 // Bytes of a keyword. A longer word is no statement: malformed-mesh.
 constexpr size_t kKeywordBytesMax = 80;
+// Bytes of a material's name, which is looked up for each part. More: malformed-mesh.
+constexpr size_t kObjMaterialBytesMax = 4096;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Statements that do not describe polygonal surfaces; they are skipped silently.
 constexpr std::string_view kSkipped[] = {"s",         "l",        "p",       "vp",     "mg",
@@ -409,6 +411,10 @@ class ObjReader {
   }
 
   Status set_material(std::string_view material) {
+    if (material.size() > kObjMaterialBytesMax) {
+      return over_limit(name_, where(), "too many bytes of a material's name",
+                        int64_t{kObjMaterialBytesMax}, static_cast<int64_t>(material.size()));
+    }
     return set_from(material, material_numbers_, file_.materials, state_.material);
   }
   // A face of several groups ("g arm left") belongs to a group named after all of them.

@@ -247,7 +247,7 @@ class PackageLoader {
       return object.name.empty() ? "object " + std::to_string(id) : object.name;
     };
     MeshPart part;
-    part.name = object_name();
+    part.name = object_name().substr(0, kPartNameBytesMax);
     part.material = surface.material;
     part.mesh = meshes_.index_of({model.name, id}, object_name);
     part.node = nodes_.index_of(item_, [&] { return "item " + std::to_string(item_); });

@@ -367,6 +367,18 @@ TEST(Obj, a_face_of_too_many_corners_is_refused) {
             "a.obj line 5: too many corners of a face: expected at most 65536, got 65537");
 }
 
+TEST(Obj, a_long_name_costs_each_part_little) {
+  const std::string name(5000, 'x'), square = kSquare;
+  const auto scene =
+      load_text("a.obj", square + "o " + name + "\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->parts.size(), 2u);
+  for (const MeshPart& part : scene->parts) EXPECT_EQ(part.name, name.substr(0, 1024));
+  EXPECT_EQ(scene->meshes, std::vector<std::string>{name});
+  EXPECT_EQ(message_of(load_text("a.obj", square + "usemtl " + name + "\nf 1 2 3\n")),
+            "a.obj line 5: too many bytes of a material's name: expected at most 4096, got 5000");
+}
+
 TEST(Obj, warnings_are_capped) {
   std::string text = kSquare;
   for (int i = 0; i < 500; ++i) text += "usemtl m" + std::to_string(i) + "\nf 1 2 3\n";

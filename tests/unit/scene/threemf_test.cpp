@@ -87,6 +87,15 @@ TEST(ThreeMf, objects_of_the_build_stand_where_their_items_put_them) {
   EXPECT_EQ(scene->parts[1].positions[3], glm::dvec3(10, 20, 32));
 }
 
+TEST(ThreeMf, a_long_name_costs_each_part_little) {
+  const std::string name(5000, 'x');
+  const auto scene =
+      load(model(object("7", kTetrahedron, "name=\"" + name + "\""), "<item objectid=\"7\"/>"));
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->parts.at(0).name, name.substr(0, 1024));
+  EXPECT_THAT(scene->meshes, ElementsAre(name));
+}
+
 TEST(ThreeMf, components_are_placed_inside_each_other_and_a_mirror_turns_triangles_around) {
   const auto scene = load(model(
       object("1", kTetrahedron) +

@@ -49,6 +49,17 @@ TEST(GltfNodes, a_mesh_of_two_nodes_stands_in_two_places) {
   EXPECT_EQ(scene->parts[1].positions[0], glm::dvec3(5, 0, 0));
 }
 
+TEST(GltfNodes, a_long_name_costs_each_part_little) {
+  GltfBuilder builder = triangle();
+  const std::string name(5000, 'x');
+  builder.json["meshes"][0]["name"] = name;
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(scene->parts[0].name, name.substr(0, 1024));
+  EXPECT_THAT(scene->meshes, ElementsAre(name));
+  EXPECT_THAT(scene->groups, ElementsAre(name.substr(0, 1024) + "/0"));
+}
+
 TEST(GltfNodes, parts_know_their_mesh_their_node_and_their_primitive) {
   GltfBuilder builder = triangle();
   Json& primitives = builder.json["meshes"][0]["primitives"];
