@@ -11,8 +11,16 @@
 #include "server/base/pieces.h"
 
 namespace voxeld {
+namespace {
+
+// Bytes of a number: all digits of any double are some 1100. Longer words are none, because their
+// conversion could not be cancelled.
+constexpr size_t kNumberTextBytesMax = 4096;
+
+}  // namespace
+
 std::optional<double> parse_number(std::string_view token) {
-  if (token.empty()) return std::nullopt;
+  if (token.empty() || token.size() > kNumberTextBytesMax) return std::nullopt;
   // from_chars does not accept a plus sign. "+-1" must stay invalid, so its plus is not removed.
   if (token.size() > 1 && token[0] == '+' && token[1] != '-') token.remove_prefix(1);
   double value = 0.0;
@@ -30,6 +38,7 @@ std::optional<double> parse_number(std::string_view token) {
 
 std::optional<double> parse_number_or_nan(std::string_view token) {
   if (const auto number = parse_number(token)) return number;
+  if (token.size() > kNumberTextBytesMax) return std::nullopt;
   if (!token.empty() && (token[0] == '+' || token[0] == '-')) token.remove_prefix(1);
   const auto begins = [&](std::string_view word) {
     return equals_ignoring_case(token.substr(0, word.size()), word);
@@ -46,7 +55,7 @@ std::optional<double> parse_number_or_nan(std::string_view token) {
 }
 
 std::optional<int64_t> parse_integer(std::string_view token) {
-  if (token.empty()) return std::nullopt;
+  if (token.empty() || token.size() > kNumberTextBytesMax) return std::nullopt;
   if (token.size() > 1 && token[0] == '+' && token[1] != '-') token.remove_prefix(1);
   int64_t value = 0;
   const char* end = token.data() + token.size();

@@ -19,6 +19,9 @@ constexpr MapOption kMapOptions[] = {
     {"-blendu", 1}, {"-blendv", 1},  {"-boost", 1}, {"-mm", 2},   {"-texres", 1},    {"-clamp", 1},
     {"-bm", 1},     {"-imfchan", 1}, {"-cc", 1},    {"-type", 1}, {"-colorspace", 1}};
 
+// Bytes of a statement. Longer ones are left out, with a warning.
+constexpr size_t kMtlStatementBytesMax = 65'536;
+
 class MtlReader {
  public:
   MtlReader(std::string_view name, std::string_view text, Scene& scene)
@@ -26,7 +29,12 @@ class MtlReader {
 
   std::vector<MtlMaterial> read() {
     while (cursor_.bytes_left() > 0) {
-      LineCursor words(cursor_.rest_of_line());
+      const std::string_view statement = cursor_.rest_of_line();
+      if (statement.size() > kMtlStatementBytesMax) {
+        warn_long(statement);
+        continue;
+      }
+      LineCursor words(statement);
       read_statement(words);
     }
     return std::move(materials_);
@@ -72,6 +80,14 @@ class MtlReader {
   void warn(std::string_view what, std::string_view got) {
     add_warning(scene_, "bad-material",
                 malformed_line(name_, cursor_.line(), what, "numbers", shown(got)).message());
+  }
+
+  void warn_long(std::string_view statement) {
+    const std::string where = "line " + std::to_string(cursor_.line());
+    add_warning(scene_, "bad-material",
+                over_limit(name_, where, "too many bytes of a statement",
+                           int64_t{kMtlStatementBytesMax}, static_cast<int64_t>(statement.size()))
+                    .message());
   }
 
   void read_kd(LineCursor& words, MtlMaterial& material) {

@@ -21,6 +21,9 @@ constexpr size_t kNamesMax = 65'536;
 constexpr size_t kIgnoredWordsMax = 20;
 // Bytes of a keyword. A longer word is no statement: malformed-mesh.
 constexpr size_t kKeywordBytesMax = 80;
+// Bytes of a statement: a face of kPolygonCornersMax corners has some 2 MB. More: malformed-mesh.
+// This bounds the work on a number or a name between two cancellation points.
+constexpr size_t kObjStatementBytesMax = size_t{1} << 22;
 // Bytes of a material's name, which is looked up for each part. More: malformed-mesh.
 constexpr size_t kObjMaterialBytesMax = 4096;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -102,11 +105,12 @@ class ObjReader {
     joined_.clear();
     do {
       cancel_point();
-      joined_.append(line).append(" ");
+      append_in_pieces(joined_, line);
+      push_in_pieces(joined_, ' ');
       line = left_.empty() ? std::string_view() : next_physical_line();
     } while (take_continuation(line));
-    joined_.append(line);
-    return joined_;
+    append_in_pieces(joined_, line);
+    return {joined_.data(), joined_.size()};
   }
 
   // Removes a backslash from the end of the line. Blanks may follow it; one in a comment is text.
@@ -136,6 +140,10 @@ class ObjReader {
     const std::string_view keyword = line.token();
     if (keyword == "#MRGB") read_polypaint(line.token());
     if (keyword.empty() || keyword[0] == '#') return {};
+    if (text.size() > kObjStatementBytesMax && !is_skipped(keyword)) {
+      return over_limit(name_, where(), "too many bytes of a statement",
+                        int64_t{kObjStatementBytesMax}, static_cast<int64_t>(text.size()));
+    }
     if (keyword == "v") return read_vertex(line);
     if (keyword == "f" || keyword == "fo") return read_face(line);
     if (keyword == "vt") return read_uv(line);
@@ -150,10 +158,12 @@ class ObjReader {
     return skip(keyword);
   }
 
+  static bool is_skipped(std::string_view keyword) {
+    return std::find(std::begin(kSkipped), std::end(kSkipped), keyword) != std::end(kSkipped);
+  }
+
   Status skip(std::string_view keyword) {
-    if (std::find(std::begin(kSkipped), std::end(kSkipped), keyword) != std::end(kSkipped)) {
-      return {};
-    }
+    if (is_skipped(keyword)) return {};
     const bool word =
         keyword.size() <= kKeywordBytesMax &&
         keyword.find_first_not_of(
@@ -465,7 +475,7 @@ class ObjReader {
   std::string_view left_;
   int64_t line_ = 0;
   int64_t statement_line_ = 0;  // the first line of a continued statement
-  std::string joined_;
+  std::vector<char> joined_;
   ObjFile file_;
   ObjState state_;
   uint32_t state_index_ = 0;

@@ -85,6 +85,20 @@ TEST(Mtl, unreadable_values_are_warnings) {
   EXPECT_EQ(scene.warnings[2].detail, "a.mtl line 4: Tr: expected numbers, got \"x\"");
 }
 
+TEST(Mtl, statements_of_more_than_64_kib_are_left_out) {
+  Scene scene;
+  const std::string path(65'536 - std::string_view("map_Kd ").size(), 'x');
+  EXPECT_EQ(parse_one("map_Kd " + path + "\nKd 1 1 1\n", &scene).map_kd, path);
+  EXPECT_THAT(scene.warnings, testing::IsEmpty());
+  const MtlMaterial m = parse_one("map_Kd x" + path + "\nKd 1 1 1\n", &scene);
+  EXPECT_EQ(m.map_kd, "");
+  EXPECT_TRUE(m.kd);
+  ASSERT_EQ(scene.warnings.size(), 1u);
+  EXPECT_EQ(scene.warnings[0].code, "bad-material");
+  EXPECT_EQ(scene.warnings[0].detail,
+            "a.mtl line 2: too many bytes of a statement: expected at most 65536, got 65537");
+}
+
 TEST(Mtl, kd_is_srgb) {
   Scene scene;
   const Material m = material_of(parse_one("Kd 0.5 0 1\n"), scene);

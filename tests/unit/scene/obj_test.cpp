@@ -367,6 +367,17 @@ TEST(Obj, a_face_of_too_many_corners_is_refused) {
             "a.obj line 5: too many corners of a face: expected at most 65536, got 65537");
 }
 
+TEST(Obj, statements_of_more_than_4_mib_are_refused_but_comments_and_those_without_use) {
+  const std::string zeros(size_t{4} << 20, '0');
+  for (const char* first : {"#", "l "}) {
+    EXPECT_TRUE(load_text("a.obj", first + zeros + "\n" + kSquare + "f 1 2 3\n").ok()) << first;
+  }
+  EXPECT_EQ(message_of(load_text("a.obj", kSquare + ("f 1 2 3" + zeros))),
+            "a.obj line 5: too many bytes of a statement: expected at most 4194304, got 4194311");
+  EXPECT_EQ(message_of(load_text("a.obj", kSquare + ("f 1 2 \\\n" + zeros))),
+            "a.obj line 5: too many bytes of a statement: expected at most 4194304, got 4194311");
+}
+
 TEST(Obj, a_long_name_costs_each_part_little) {
   const std::string name(5000, 'x'), square = kSquare;
   const auto scene =

@@ -41,6 +41,16 @@ TEST(ParseNumber, words_for_non_finite_numbers_differ_from_words_that_are_none) 
   EXPECT_EQ(parse_number_or_nan("1e-999"), 0.0);
 }
 
+TEST(ParseNumber, a_number_has_at_most_4096_bytes) {
+  const std::string longest = "1" + std::string(4095, '0'), zeros(4096, '0');
+  EXPECT_EQ(parse_number(zeros), 0.0);
+  EXPECT_EQ(parse_number("0" + zeros), std::nullopt);
+  EXPECT_TRUE(parse_number_or_nan(longest));
+  EXPECT_EQ(parse_number_or_nan("0" + longest), std::nullopt);
+  EXPECT_EQ(parse_integer(zeros), 0);
+  EXPECT_EQ(parse_integer("0" + zeros), std::nullopt);
+}
+
 TEST(ParseInteger, takes_whole_numbers_in_any_notation) {
   EXPECT_EQ(parse_integer("42"), 42);
   EXPECT_EQ(parse_integer("-1"), -1);
