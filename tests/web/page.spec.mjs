@@ -517,6 +517,37 @@ test("of two meshes dropped at once the later one is loaded", async ({ page }) =
   expect(sent.filter(body => body.includes("first.obj"))).toEqual([]);
 });
 
+test("a folder that is read for long does not supersede a mesh dropped later", async ({ page }) => {
+  await page.goto(daemon.url);
+  await page.evaluate(() => {
+    const file = resolve => resolve(new File(["v 0 0 0"], "slow.obj"));
+    const entries = [{ name: "slow.obj", isFile: true, file }];
+    const readEntries = resolve => {
+      // The first entries are held, the next ones are none.
+      if (window.release) resolve([]);
+      else window.release = () => resolve(entries);
+    };
+    const folder = { name: "slow", isDirectory: true, createReader: () => ({ readEntries }) };
+    const item = DataTransferItem.prototype,
+      original = item.webkitGetAsEntry;
+    item.webkitGetAsEntry = () => folder;
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File([""], "slow"));
+    document
+      .getElementById("view")
+      .dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
+    item.webkitGetAsEntry = original;
+  });
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  // A page that begins with the folder's mesh has done so before a response comes.
+  await page.evaluate(async () => {
+    window.release();
+    await (await fetch("/v1/me")).blob();
+  });
+  await expect(page.locator("#card-model h2")).toHaveText("sample");
+});
+
 test("a grid that comes after its mesh was left tells nothing", async ({ page }) => {
   let release = () => undefined;
   const held = new Promise(resolve => (release = resolve));

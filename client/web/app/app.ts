@@ -33,6 +33,8 @@ export class App {
   #asset: Asset | null = null;
   #assets: string[] = []; // the asset and the files that it names
   #jobs = new Set<string>(); // whose results are deleted with the asset
+  #given = 0; // drops, pastes, choices and samples so far
+  #loaded = 0; // the latest of them that had a mesh
   #loading: AbortController | null = null;
   #pricing: AbortController | null = null;
   #timer = 0;
@@ -182,13 +184,14 @@ export class App {
   }
 
   #transfer(data: DataTransfer): void {
+    const turn = ++this.#given;
     filesOfTransfer(data)
-      .then(files => this.load(files))
+      .then(files => this.load(files, turn))
       .catch(this.onProblem);
   }
 
-  /** Uploads the files and voxelizes their mesh. */
-  async load(files: readonly NamedFile[]): Promise<void> {
+  /** Uploads the files and voxelizes their mesh, unless that of a later turn was read before. */
+  async load(files: readonly NamedFile[], turn = ++this.#given): Promise<void> {
     if (files.length === 0) return;
     const bundle = bundleOf(files) ?? (this.#bundle && extended(this.#bundle, files));
     if (!bundle) {
@@ -204,6 +207,8 @@ export class App {
       );
       return;
     }
+    if (turn < this.#loaded) return;
+    this.#loaded = turn;
     if (bundle.ignored > 0) this.onNote(t(T.ignored, { n: bundle.ignored }));
     this.#loading?.abort();
     this.#pricing?.abort();
