@@ -1042,6 +1042,16 @@ test("the daemon draws once the context is lost for good", async ({ page }) => {
   await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);
   await expect(page.locator("#card-look").getByLabel("Show", { exact: true })).toBeVisible();
+  expect(page.workers()).toHaveLength(1);
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  await page.route("**/v1/grids/*", async route => {
+    await held;
+    await route.continue();
+  });
+  const asked = page.waitForRequest("**/v1/grids/*");
+  await resize(page, 64);
+  const url = (await asked).url();
   await page.focus("#canvas");
   await page.evaluate(() => {
     document.getElementById("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext();
@@ -1049,6 +1059,11 @@ test("the daemon draws once the context is lost for good", async ({ page }) => {
   await expect(page.locator("#picture")).toHaveAttribute("src", /^blob:/);
   await expect(page.locator("#card-look").getByLabel("Show", { exact: true })).toBeHidden();
   await expect(page.locator("#view")).toBeFocused();
+  await expect.poll(() => page.workers().length).toBe(0);
+  // The grid that comes now has no viewer any more.
+  const drawn = page.waitForRequest(request => request.url().startsWith(`${url}/render.png`));
+  release();
+  await drawn;
 });
 
 test("a page of another origin can neither post nor read", async ({ page }) => {

@@ -112,10 +112,12 @@ export class Stage {
         level = await this.#decode(shown, "", levelFor(shown.meta.dims), turn, show);
         this.#checkTurn(turn);
       }
+    } catch (error) {
+      this.#checkTurn(turn);
+      if (this.viewer) throw error; // else it was disposed of: the context was lost meanwhile
     } finally {
       if (turn === this.#showing) this.#settled = turn;
     }
-    // The context may have been lost meanwhile.
     if (!this.viewer) {
       level = 0;
       this.picture.show(`${shown.path}/render.png`, keepCamera ? this.picture.camera : START);
@@ -236,6 +238,7 @@ export class Stage {
   #lose(): void {
     if (!this.viewer) return;
     const { camera } = this.viewer;
+    this.viewer.dispose();
     this.viewer = this.#part = null;
     this.level = this.#drawnLevel = 0;
     if (document.activeElement === this.canvas) this.canvas.parentElement?.focus();
