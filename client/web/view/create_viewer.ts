@@ -132,8 +132,11 @@ class WebGlViewer implements Viewer {
   }
 
   clear(): void {
+    const painter = this.#painter;
     this.#decoder.abort();
     this.#shown = this.#part = null;
+    if (painter.textures.images === 0) painter.textures.dispose(); // else the last image does
+    painter.textures = new GridTextures(painter.gl);
     this.#frames.setScene(null);
     this.#frames.invalidate(false);
   }
@@ -249,7 +252,7 @@ class WebGlViewer implements Viewer {
 
   /** Bytes of the grid's tables on the device. */
   get deviceBytes(): number {
-    return this.#shown ? this.#painter.textures.bytes : 0;
+    return this.#painter.textures.bytes;
   }
 
   get #drawn(): Shown | null {

@@ -279,7 +279,18 @@ test("a missing worker is an error each time, and no WebGL2 is no viewer", async
 
 test("a cleared viewer shows nothing", async () => {
   const { browser } = session;
-  await browser.call("clear");
+  const deleted = await browser.evaluate<number>(`(() => {
+    const gl = WebGL2RenderingContext.prototype, original = gl.deleteTexture;
+    let deleted = 0;
+    gl.deleteTexture = function (texture) {
+      ++deleted;
+      original.call(this, texture);
+    };
+    api.clear();
+    gl.deleteTexture = original;
+    return deleted;
+  })()`);
+  assert.equal(deleted, 4); // nodes, bricks, colours, normals
   assert.equal(await browser.call("grid"), null);
   assert.equal(await browser.call("pick", 150, 100), null);
   assert.equal(await browser.call("visibleCells"), null);
