@@ -213,6 +213,17 @@ test("a double click marks a voxel, and others tell how far they are from it", a
   await expect(page.locator("#pick")).not.toContainText("from the mark");
 });
 
+test("the voxel under the pointer goes with its grid", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await page.locator("#canvas").hover(); // its middle
+  await expect(page.locator("#pick")).toContainText(/cell/i);
+  await resize(page, 64);
+  await shown(page, 64);
+  await expect(page.locator("#pick")).toBeHidden();
+});
+
 test("a close camera sees the voxels of a large grid", async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));

@@ -99,6 +99,7 @@ export class Look {
   show(meta = this.#meta): void {
     if (String(meta.dims) !== String(this.#meta.dims)) this.#from = null;
     this.#meta = meta;
+    this.pickText.hidden = true; // of the grid before
     const grid = this.stage.grid;
     const channels = (this.stage.viewer && grid?.channels) ?? [];
     const known: Choice[] = channels.map(value => [value, names[`channel_${value}`]!]);
