@@ -936,6 +936,36 @@ test("delete waits until the job that runs is cancelled", async ({ page }) => {
   expect(steps.slice(0, 2)).toEqual(["cancelled", "delete"]);
 });
 
+test("delete cancels an export that runs, and waits for it", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await expect(page.locator("#card-take")).toContainText("about"); // the result to take
+  const job = { id: "export", kind: "export", state: "running" }; // it has no events
+  const steps = [];
+  await page.route("**/v1/jobs", route => route.fulfill({ json: job }));
+  await page.route("**/v1/jobs/export/events", () => undefined);
+  await page.route("**/v1/**", async route => {
+    const request = route.request();
+    if (request.method() !== "DELETE") return await route.fallback();
+    if (!request.url().includes("ended=keep")) {
+      steps.push("delete");
+      return await route.continue();
+    }
+    // Another response: a page that does not wait has asked for more by then.
+    await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+    steps.push("cancelled");
+    await route.fulfill({ json: { ...job, state: "cancelled" } });
+  });
+  const asked = page.waitForRequest("**/v1/jobs/export/events");
+  await page.click("#card-take button.primary");
+  await asked;
+  await page.click("#delete");
+  await told(page, "sample and its results are deleted");
+  expect(steps.slice(0, 2)).toEqual(["cancelled", "delete"]);
+  await expect(page.locator("#banner")).toBeHidden();
+});
+
 test("an error says what was expected and what came", async ({ page }) => {
   await page.goto(daemon.url);
   const [bad] = JSON.parse(readFileSync(join(fixtures, "bad/list.json")));

@@ -80,19 +80,12 @@ export class Runner {
     await this.#pending;
   }
 
-  /** Submits another kind of job and waits for its end. */
-  async other(
-    body: object,
-    signal: AbortSignal,
-  ): Promise<JobStatus> {
+  /** Submits another kind of job and waits for its end. The signal cancels it; stop() waits for that. */
+  async other(body: object, signal: AbortSignal): Promise<JobStatus> {
     let job = await this.#submit(body, signal);
     if (!hasEnded(job)) {
-      try {
-        for await (const status of this.api.events(job.id, signal)) job = status;
-      } catch (error) {
-        if (signal.aborted) void this.#cancel(job.id).catch(() => undefined);
-        throw error;
-      }
+      signal.addEventListener("abort", () => hasEnded(job) || this.#waitFor(this.#cancel(job.id)));
+      for await (const status of this.api.events(job.id, signal)) job = status;
     }
     if (job.state !== "done") throw problemOf(job);
     return job;
