@@ -996,9 +996,10 @@ test("after a restart of the daemon the page goes on", async ({ page }) => {
   await shown(page, 256);
   await daemon.stop("SIGKILL");
   await resize(page, 96);
-  await expect(page.locator("#banner")).toContainText("does not answer");
+  await expect(page.locator("#offline")).toContainText("does not answer");
   await daemon.start();
   await shown(page, 96);
+  await expect(page.locator("#offline")).toBeHidden();
   await expect(page.locator("#banner")).toBeHidden();
 });
 
@@ -1018,10 +1019,11 @@ test("after 40 s without the daemon the page goes on", async ({ page }) => {
     return isAway ? route.abort() : route.continue();
   });
   await resize(page, 96);
-  await expect(page.locator("#banner")).toContainText("does not answer");
+  await expect(page.locator("#offline")).toContainText("does not answer");
   await expect.poll(() => tries).toBeGreaterThan(18); // 40 s
   isAway = false;
   await shown(page, 96);
+  await expect(page.locator("#offline")).toBeHidden();
   await expect(page.locator("#banner")).toBeHidden();
 });
 
@@ -1032,13 +1034,33 @@ test("a problem that comes while the daemon is away stays when it is back", asyn
   let isAway = true;
   await page.route("**/v1/**", route => (isAway ? route.abort() : route.continue()));
   await resize(page, 96);
+  await expect(page.locator("#offline")).toContainText("does not answer");
   const banner = page.locator("#banner");
-  await expect(banner).toContainText("does not answer");
   await drop(page, join(fixtures, "bad/list.json"));
   await expect(banner).toContainText("None of these files is a mesh: list.json");
   isAway = false;
   await told(page, "The daemon answers again");
   await expect(banner).toContainText("None of these files is a mesh: list.json");
+  await expect(banner).toBeVisible();
+});
+
+test("a problem stays while the daemon is away and when it is back", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await drop(page, join(fixtures, "bad/list.json"));
+  const banner = page.locator("#banner"),
+    text = "None of these files is a mesh: list.json";
+  await expect(banner).toContainText(text);
+  let isAway = true;
+  await page.route("**/v1/**", route => (isAway ? route.abort() : route.continue()));
+  await resize(page, 96);
+  await expect(page.locator("#offline")).toContainText("does not answer");
+  await expect(banner).toContainText(text);
+  isAway = false;
+  await shown(page, 96);
+  await expect(page.locator("#offline")).toBeHidden();
+  await expect(banner).toContainText(text);
   await expect(banner).toBeVisible();
 });
 
@@ -1325,7 +1347,7 @@ test.describe("with keys", () => {
     const lost = page.waitForEvent("requestfailed", isPost);
     await card.getByRole("button", { name: "Add", exact: true }).click();
     await lost;
-    await expect(page.locator("#banner.problem")).not.toContainText("30d"); // that of the first error
+    await expect(page.locator("#banner")).not.toContainText("30d"); // that of the first error
     await page.unroute("**/v1/keys");
     expect(posts.map(response => response.status())).toEqual([201]);
     await row.getByRole("button", { name: "Revoke" }).click();

@@ -249,7 +249,7 @@ export class App {
     this.#take.show(null);
     this.#look.forget();
     this.#settings.reset();
-    if (!byId("banner").matches(".offline")) byId("banner").hidden = true;
+    byId("banner").hidden = true;
     const view = byId("view");
     if (view.contains(document.activeElement)) view.focus(); // before its children vanish
     byId("start").hidden = true;

@@ -11,6 +11,7 @@ import { linesOf, t, T } from "./texts";
 const NOTE_MS = 6000;
 
 const banner = byId("banner"),
+  offline = byId("offline"),
   status = byId("status");
 let noteTimer = 0;
 
@@ -45,18 +46,13 @@ function showProblem(error: unknown): void {
       T.dismiss,
     ),
   );
-  banner.className = "problem";
   banner.hidden = false;
 }
 
 function showConnection(isOnline: boolean): void {
-  if (isOnline) {
-    note(T.online);
-    if (banner.className !== "offline") return; // a problem stays until it is dismissed
-  }
-  fill(banner, h("div", {}, T.offline));
-  banner.className = "offline";
-  banner.hidden = isOnline;
+  if (isOnline) note(T.online);
+  offline.textContent = T.offline;
+  offline.hidden = isOnline;
 }
 
 async function showTenant(api: Api, keys: Keys): Promise<void> {
