@@ -122,6 +122,16 @@ async function resize(page, size) {
   await page.press("#size", "Enter");
 }
 
+/** Starts a run that takes longer than its test, and waits until its preview is over. */
+async function startLongRun(page) {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await resize(page, 8192);
+  await page.click("#run");
+  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+}
+
 /** Whether the canvas or picture shows more than one colour. */
 async function hasPicture(page) {
   const shot = await page.locator("#view").screenshot();
@@ -638,14 +648,9 @@ test("an upload shows its progress, and a known file is not sent again", async (
 });
 
 test("a job of a superseded setting is cancelled, and cancel ends the last", async ({ page }) => {
-  await page.goto(daemon.url);
-  await drop(page, join(fixtures, "sample.ply"));
-  await shown(page, 256);
-  await resize(page, 8192);
-  await page.click("#run");
+  await startLongRun(page);
   await expect(page.locator("#cancel")).toBeVisible();
   await expect(page.locator("#price")).toContainText("memory");
-  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
   await resize(page, 8000);
   await expect
     .poll(async () =>
@@ -715,12 +720,7 @@ test("a change of the settings supersedes a run whose price is asked for", async
 });
 
 test("cancel ends a run whose price is asked for", async ({ page }) => {
-  await page.goto(daemon.url);
-  await drop(page, join(fixtures, "sample.ply"));
-  await shown(page, 256);
-  await resize(page, 8192);
-  await page.click("#run");
-  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+  await startLongRun(page);
   await page.route(/dry_run/, () => undefined); // no response
   const asked = page.waitForRequest(/dry_run/);
   await page.click("#run");
@@ -739,12 +739,7 @@ test("a run that is left before it has submitted a job submits none", async ({ p
     if (isCancel(route.request())) await held;
     await route.continue();
   });
-  await page.goto(daemon.url);
-  await drop(page, join(fixtures, "sample.ply"));
-  await shown(page, 256);
-  await resize(page, 8192);
-  await page.click("#run");
-  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+  await startLongRun(page);
   const asked = page.waitForRequest(isCancel);
   await page.click("#run"); // waits until the job before it is cancelled
   await asked;
@@ -911,12 +906,7 @@ test("delete removes the mesh and its results", async ({ page }) => {
 });
 
 test("delete waits until the job that runs is cancelled", async ({ page }) => {
-  await page.goto(daemon.url);
-  await drop(page, join(fixtures, "sample.ply"));
-  await shown(page, 256);
-  await resize(page, 8192);
-  await page.click("#run");
-  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+  await startLongRun(page);
   const steps = [];
   await page.route("**/v1/**", async route => {
     const request = route.request();
