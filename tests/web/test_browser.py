@@ -1,4 +1,4 @@
-"""Types of the page's scripts, and the page in Debian's Chromium (page.spec.mjs, by Playwright). Packages are those of
+"""Types of the page's scripts, and the page in Debian's Chromium (*.spec.mjs, by Playwright). Packages are those of
 package-lock.json; VOXELD_WEB_WORK_DIR is the folder that uses them. No browser is downloaded."""
 import os
 import pathlib
@@ -45,6 +45,8 @@ class Browser(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         npm_packages.prepare(HERE, WORK)
+        for path in WORK.glob("*.mjs"):  # of an earlier version, which had other files
+            path.unlink()
         for path in HERE.glob("*.mjs"):
             shutil.copyfile(path, WORK / path.name)
 

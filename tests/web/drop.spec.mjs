@@ -1,0 +1,184 @@
+// Meshes that are dropped or chosen, samples, uploads.
+import { execFileSync } from "node:child_process";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { run, temporaryFolder } from "./daemon.mjs";
+import {
+  daemon,
+  DRAWN,
+  download,
+  drop,
+  expect,
+  fixtures,
+  hasPicture,
+  resize,
+  settled,
+  shown,
+  test,
+} from "./page.mjs";
+
+test("a dropped mesh is described, shown, and saved with the bytes of the CLI", DRAWN, async ({
+  page,
+}) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await expect(page.locator("#card-model")).toContainText("25,600 triangles");
+  await expect(page.locator("#card-model")).toContainText("watertight");
+  await settled(page);
+  expect(await hasPicture(page)).toBe(true);
+  await page.selectOption("#format", "npz");
+  await expect(page.locator("#card-take")).toContainText(/about [\d.]+ [KM]B/);
+  const taken = await download(page, () => page.click("#card-take button.primary"));
+  expect(taken.name).toBe("sample.npz");
+  const own = join(temporaryFolder("web-cli"), "own.npz");
+  run("voxel", ["--url", daemon.url, join(fixtures, "sample.ply"), "--size", "256", "-o", own]);
+  expect(taken.bytes.equals(readFileSync(own))).toBe(true);
+});
+
+test("the samples become voxels, one after the other", DRAWN, async ({ page }) => {
+  await page.goto(daemon.url);
+  for (const [name, fact] of [
+    ["Rocket", "watertight"],
+    ["Planet", "1 texture"],
+    ["Knot", "watertight"],
+  ]) {
+    await test.step(name, async () => {
+      await page.click(`.sample:has-text("${name}")`);
+      await shown(page, 256);
+      await expect(page.locator("#card-model")).toContainText(fact);
+      await expect(page.locator("#card-model .warn")).toBeHidden();
+      await settled(page);
+      expect(await hasPicture(page)).toBe(true);
+      await page.click("#new");
+    });
+  }
+});
+
+test("several files are one mesh, and a missing texture is named and added later", async ({
+  page,
+}) => {
+  const folder = temporaryFolder("web-bundle");
+  execFileSync("unzip", ["-q", join(fixtures, "sample.obj.zip"), "-d", folder]);
+  const files = execFileSync("find", [folder, "-type", "f"], { encoding: "utf8" })
+    .trim()
+    .split("\n");
+  const textures = files.filter(name => name.endsWith(".png")),
+    others = files.filter(name => !name.endsWith(".png"));
+  await page.goto(daemon.url);
+  await drop(page, ...others);
+  await expect(page.locator("#card-model .warn")).toContainText(textures[0].split("/").pop());
+  await drop(page, ...textures);
+  await expect(page.locator("#card-model .warn")).toBeHidden(); // until the mesh is described again
+  await expect(page.locator("#card-model")).toContainText("2 textures");
+  await expect(page.locator("#card-model .warn")).toBeHidden();
+  await shown(page, 256);
+});
+
+test("of two meshes dropped at once the later one is loaded", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 32);
+  await shown(page, 32);
+  const sent = [];
+  page.on("request", request => {
+    if (request.method() === "POST") sent.push(request.postData() ?? "");
+  });
+  const text = name => readFileSync(join(fixtures, name), "utf8");
+  await page.evaluate(
+    files => {
+      for (const [name, text] of files) {
+        const dataTransfer = new DataTransfer();
+        dataTransfer.items.add(new File([text], name));
+        document
+          .getElementById("view")
+          .dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
+      }
+    },
+    [
+      ["first.obj", text("concave.obj")],
+      ["second.off", text("sample.off")],
+    ],
+  );
+  await expect(page.locator("#card-model h2")).toHaveText("second");
+  await expect(page.locator("#card-model")).toContainText("OFF");
+  await shown(page, 32);
+  expect(sent.filter(body => body.includes("second.off"))).not.toEqual([]);
+  expect(sent.filter(body => body.includes("first.obj"))).toEqual([]);
+});
+
+test("a folder that is read for long does not supersede a mesh dropped later", async ({ page }) => {
+  await page.goto(daemon.url);
+  await page.evaluate(() => {
+    const file = resolve => resolve(new File(["v 0 0 0"], "slow.obj"));
+    const entries = [{ name: "slow.obj", isFile: true, file }];
+    const readEntries = resolve => {
+      // The first entries are held, the next ones are none.
+      if (window.release) resolve([]);
+      else window.release = () => resolve(entries);
+    };
+    const folder = { name: "slow", isDirectory: true, createReader: () => ({ readEntries }) };
+    const item = DataTransferItem.prototype,
+      original = item.webkitGetAsEntry;
+    item.webkitGetAsEntry = () => folder;
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File([""], "slow"));
+    document
+      .getElementById("view")
+      .dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
+    item.webkitGetAsEntry = original;
+  });
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  // A page that begins with the folder's mesh has done so before a response comes.
+  await page.evaluate(async () => {
+    window.release();
+    await (await fetch("/v1/me")).blob();
+  });
+  await expect(page.locator("#card-model h2")).toHaveText("sample");
+});
+
+test("an upload shows its progress, and a known file is not sent again", async ({ page }) => {
+  await page.goto(daemon.url);
+  const client = await page.context().newCDPSession(page);
+  await client.send("Network.enable");
+  await client.send("Network.emulateNetworkConditions", {
+    offline: false,
+    latency: 0,
+    downloadThroughput: -1,
+    uploadThroughput: 20_000, // over a minute, if it were not lifted
+  });
+  await drop(page, join(fixtures, "sample.stl"));
+  await expect(page.locator("#over progress")).toBeVisible();
+  await expect(page.locator("#over")).toContainText(
+    /Uploading sample\.stl: [\d.]+ [KM]?B of 1\.3 MB/,
+  );
+  await client.send("Network.emulateNetworkConditions", {
+    offline: false,
+    latency: 0,
+    downloadThroughput: -1,
+    uploadThroughput: -1,
+  });
+  await shown(page, 256);
+  const posts = [];
+  page.on("request", request => {
+    if (request.method() === "POST") posts.push(new URL(request.url()).pathname);
+  });
+  await page.click("#new");
+  await drop(page, join(fixtures, "sample.stl"));
+  await shown(page, 256);
+  expect(posts).not.toContain("/v1/assets");
+});
+
+test("an error says what was expected and what came", async ({ page }) => {
+  await page.goto(daemon.url);
+  const [bad] = JSON.parse(readFileSync(join(fixtures, "bad/list.json")));
+  await drop(page, join(fixtures, "bad", bad.file));
+  const banner = page.locator("#banner");
+  await expect(banner).toBeVisible();
+  await expect(banner).toContainText(bad.message);
+  await expect(banner).toContainText(/expected .+got .+/);
+  await expect(banner).toHaveAttribute("role", "alert");
+  await banner.getByRole("button").click();
+  await expect(banner).toBeHidden();
+});

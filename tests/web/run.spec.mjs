@@ -1,0 +1,199 @@
+// Runs that are superseded, cancelled or left, and what is deleted.
+import { join } from "node:path";
+import { daemon, drop, expect, fixtures, resize, shown, test, told } from "./page.mjs";
+
+/** Starts a run that takes longer than its test, and waits until its preview is over. */
+async function startLongRun(page) {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await resize(page, 8192);
+  await page.click("#run");
+  await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+}
+
+test("a job of a superseded setting is cancelled, and cancel ends the last", async ({ page }) => {
+  await startLongRun(page);
+  await expect(page.locator("#cancel")).toBeVisible();
+  await expect(page.locator("#price")).toContainText("memory");
+  await resize(page, 8000);
+  await expect
+    .poll(async () =>
+      (await daemon.json("/v1/jobs?state=cancelled")).jobs.map(job => job.options?.size),
+    )
+    .toContain(8192);
+  await page.click("#run");
+  await page.click("#cancel");
+  await expect(page.locator("#job")).toHaveText("Cancelled.");
+  await expect(page.locator("#cancel")).toBeHidden();
+});
+
+test("a preview that is superseded is cancelled, known to the page or not", async ({ page }) => {
+  const previews = []; // that are made so large that they are superseded
+  let release = () => undefined;
+  await page.route("**/v1/jobs", async route => {
+    const body = route.request().postDataJSON();
+    if (body?.options?.size !== 128 || body.priority !== 10) return await route.continue();
+    const response = await route.fetch({
+      postData: JSON.stringify({ ...body, options: { ...body.options, size: 8192 } }),
+      timeout: 0,
+    });
+    previews.push((await response.json()).id);
+    if (previews.length === 2) await new Promise(resolve => (release = resolve));
+    await route.fulfill({ response });
+  });
+  const start = async size => {
+    await resize(page, size);
+    await page.click("#run");
+  };
+  const cancelled = async () =>
+    (await daemon.json("/v1/jobs?state=cancelled&limit=100")).jobs.map(job => job.id);
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 64);
+  await shown(page, 64);
+  await start(3000);
+  await expect(page.locator("#job")).toHaveText(/^Preview/);
+  await start(3001); // supersedes a preview that runs
+  await expect.poll(cancelled).toContain(previews[0]);
+  await expect.poll(() => previews.length).toBe(2);
+  const priced = page.waitForResponse(response => response.url().includes("dry_run"));
+  await page.fill("#size", "64"); // supersedes one whose request is under way
+  await page.press("#size", "Enter");
+  await priced;
+  release();
+  await expect.poll(cancelled).toContain(previews[1]);
+  await shown(page, 64);
+});
+
+test("a change of the settings supersedes a run whose price is asked for", async ({ page }) => {
+  // The price of the new settings, which would supersede it later, is never asked for.
+  await page.addInitScript(() => {
+    const original = window.setTimeout;
+    window.setTimeout = (call, ms, ...given) => (ms === 140 ? 0 : original(call, ms, ...given));
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await expect(page.locator("#card-take")).toContainText("about"); // the first run has ended
+  await page.route(/dry_run/, () => undefined); // no response
+  const asked = page.waitForRequest(/dry_run/);
+  await page.click("#run");
+  await asked;
+  const given = page.waitForEvent("requestfailed", request => request.url().includes("dry_run"));
+  await resize(page, 64);
+  await given;
+});
+
+test("cancel ends a run whose price is asked for", async ({ page }) => {
+  await startLongRun(page);
+  await page.route(/dry_run/, () => undefined); // no response
+  const asked = page.waitForRequest(/dry_run/);
+  await page.click("#run");
+  await asked;
+  const given = page.waitForEvent("requestfailed", request => request.url().includes("dry_run"));
+  await page.click("#cancel");
+  await given;
+  await expect(page.locator("#job")).toHaveText("Cancelled.");
+});
+
+test("a run that is left before it has submitted a job submits none", async ({ page }) => {
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  const isCancel = request => request.method() === "DELETE";
+  await page.route("**/v1/jobs/*", async route => {
+    if (isCancel(route.request())) await held;
+    await route.continue();
+  });
+  await startLongRun(page);
+  const asked = page.waitForRequest(isCancel);
+  await page.click("#run"); // waits until the job before it is cancelled
+  await asked;
+  const sent = [];
+  page.on("request", request => {
+    if (request.method() === "POST") sent.push(request.url());
+  });
+  await page.click("#new");
+  const came = page.waitForResponse(response => isCancel(response.request()));
+  release();
+  await came;
+  // Another response: the run has ended by then.
+  await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+  expect(sent).toEqual([]);
+});
+
+test("delete removes the mesh and its results", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "concave.obj"));
+  await shown(page, 256);
+  const { assets } = await daemon.json("/v1/assets");
+  const asset = assets.find(one => one.filename === "concave.obj");
+  const results = async () => (await daemon.json("/v1/results")).results.map(one => one.filename);
+  expect(await results()).toContain("concave.voxg");
+  await page.click("#delete");
+  await told(page, "concave and its results are deleted");
+  await expect(page.locator("#start")).toBeVisible();
+  expect((await fetch(`${daemon.url}/v1/assets/${asset.id}?brief=1`)).status).toBe(410);
+  expect(await results()).not.toContain("concave.voxg");
+});
+
+test("delete waits until the job that runs is cancelled", async ({ page }) => {
+  await startLongRun(page);
+  const steps = [];
+  await page.route("**/v1/**", async route => {
+    const request = route.request();
+    if (request.method() !== "DELETE") return await route.continue();
+    if (!request.url().includes("ended=keep")) {
+      steps.push("delete");
+      return await route.continue();
+    }
+    const response = await route.fetch();
+    // Another response: a page that does not wait has asked for more by then.
+    await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+    steps.push("cancelled");
+    await route.fulfill({ response });
+  });
+  await page.click("#delete");
+  await told(page, "sample and its results are deleted");
+  expect(steps.slice(0, 2)).toEqual(["cancelled", "delete"]);
+});
+
+test("delete cancels an export that runs, and waits for it", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await expect(page.locator("#card-take")).toContainText("about"); // the result to take
+  const job = { id: "export", kind: "export", state: "running" }; // it has no events
+  const steps = [];
+  await page.route("**/v1/jobs", route => route.fulfill({ json: job }));
+  await page.route("**/v1/jobs/export/events", () => undefined);
+  await page.route("**/v1/**", async route => {
+    const request = route.request();
+    if (request.method() !== "DELETE") return await route.fallback();
+    if (!request.url().includes("ended=keep")) {
+      steps.push("delete");
+      return await route.continue();
+    }
+    // Another response: a page that does not wait has asked for more by then.
+    await page.evaluate(async () => (await (await fetch("/v1/me")).blob()).arrayBuffer());
+    steps.push("cancelled");
+    await route.fulfill({ json: { ...job, state: "cancelled" } });
+  });
+  const asked = page.waitForRequest("**/v1/jobs/export/events");
+  await page.click("#card-take button.primary");
+  await asked;
+  await page.click("#delete");
+  await told(page, "sample and its results are deleted");
+  expect(steps.slice(0, 2)).toEqual(["cancelled", "delete"]);
+  await expect(page.locator("#banner")).toBeHidden();
+});
+
+test("two tabs work beside each other", async ({ page, context }) => {
+  const other = await context.newPage();
+  await Promise.all([page.goto(daemon.url), other.goto(daemon.url)]);
+  await Promise.all([
+    page.click('.sample:has-text("Rocket")'),
+    other.click('.sample:has-text("Knot")'),
+  ]);
+  await Promise.all([shown(page, 256), shown(other, 256)]);
+  await other.close();
+});
