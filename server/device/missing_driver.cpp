@@ -19,8 +19,8 @@ namespace fs = std::filesystem;
 std::vector<std::string> names_in(const fs::path& folder, std::string_view prefix) {
   std::vector<std::string> names;
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    std::string name = entry.path().filename().string();
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    std::string name = it->path().filename().string();
     if (name.starts_with(prefix)) names.push_back(std::move(name));
   }
   std::ranges::sort(names);
