@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -40,5 +41,9 @@ Response problem(const Request& request, const Error& error);
 // Whether the body is declared as application/json: a web page may send other types without asking
 // first. Errors: unsupported-media-type.
 Status check_json_type(const Request& request);
+// The value of a query parameter, which is one of `words`; empty if it is absent. Errors:
+// invalid-option.
+Result<std::string> query_word(const Request& request, std::string_view name,
+                               std::initializer_list<std::string_view> words);
 
 }  // namespace voxeld::api

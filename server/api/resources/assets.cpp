@@ -113,9 +113,11 @@ Reply list_assets(Request& request, Api& api) {
 
 // An inspect job makes the description on first use. ?brief=1: what an upload returns, without it.
 Reply get_asset(Request& request, Api& api) {
+  const auto is_brief = query_word(request, "brief", {"0", "1"});
+  if (!is_brief) return problem(request, is_brief.error());
   const auto asset = api.jobs.get_asset(request.caller, request.path_parameters[0]);
   if (!asset) return problem(request, asset.error());
-  if (request.query("brief").value_or("0") == "1") {
+  if (*is_brief == "1") {
     Response response = Response::json(200, text_of(asset_json(*asset)));
     response.headers["ETag"] = "\"" + asset->id + "\"";
     return response;

@@ -79,6 +79,28 @@ TEST_F(JobsApi, delete_that_keeps_ended_jobs_cancels_alone) {
   EXPECT_EQ(get(path).status, 200);
 }
 
+TEST_F(JobsApi, a_query_with_another_word_than_its_parameter_has_is_refused_and_does_nothing) {
+  const std::string asset = "/v1/assets/" + post_asset(), job = "/v1/jobs/" + submit();
+  const auto expect_refused = [&](const HttpResponse& refused, const std::string& name,
+                                  const std::string& expected, const std::string& got) {
+    EXPECT_EQ(refused.status, 400) << name;
+    EXPECT_EQ(refused.code(), "invalid-option") << name;
+    EXPECT_EQ(refused.detail(), name);
+    EXPECT_EQ(json(refused).value("expected", ""), expected) << name;
+    EXPECT_EQ(json(refused).value("got", "none"), got) << name;
+  };
+  expect_refused(request("DELETE", job + "?ended=Keep"), "ended", "keep", "Keep");
+  EXPECT_EQ(json(get(job)).value("state", ""), "queued");
+  ASSERT_EQ(json(request("DELETE", job)).value("state", ""), "cancelled");
+  expect_refused(request("DELETE", job + "?ended=remove"), "ended", "keep", "remove");
+  EXPECT_EQ(get(job).status, 200);
+  const std::string body =
+      R"({"kind":"voxelize","asset":")" + asset.substr(asset.rfind('/') + 1) + R"("})";
+  expect_refused(request("POST", "/v1/jobs?dry_run=yes", "", body), "dry_run", "0 | 1", "yes");
+  EXPECT_EQ(json(get("/v1/jobs"))["jobs"].size(), 1u);
+  expect_refused(get(asset + "?brief=true"), "brief", "0 | 1", "true");
+}
+
 TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {
   const HttpResponse sent = post_job();
   EXPECT_EQ(sent.status, 202);

@@ -194,6 +194,19 @@ Status check_json_type(const Request& request) {
                "\"" + header_safe(request.head.header("Content-Type").substr(0, 80)) + "\""};
 }
 
+Result<std::string> query_word(const Request& request, std::string_view name,
+                               std::initializer_list<std::string_view> words) {
+  const auto value = request.query(name);
+  if (!value) return std::string();
+  std::string expected;
+  for (const std::string_view word : words) {
+    if (*value == word) return *value;
+    if (!expected.empty()) expected += " | ";
+    expected += word;
+  }
+  return Error{ErrorCode::kInvalidOption, std::string(name), expected, echoed(*value)};
+}
+
 std::string server_timing(const JobStatus& status) {
   std::string text = status.cached ? "cache;desc=hit" : "";
   for (const auto& [stage, ms] : status.timings) {

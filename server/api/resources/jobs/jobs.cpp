@@ -59,7 +59,9 @@ Response submitted_response(const Request& request, Api& api, const JobStatus& s
 Reply submit_job(Request& request, Api& api, const std::string& text) {
   const auto job = parse_body(text);
   if (!job) return problem(request, job.error());
-  if (request.query("dry_run").value_or("0") == "1") return dry_run(request, *job, api);
+  const auto is_dry = query_word(request, "dry_run", {"0", "1"});
+  if (!is_dry) return problem(request, is_dry.error());
+  if (*is_dry == "1") return dry_run(request, *job, api);
   const int wait = preferred_wait_seconds(request);
   WaitPlace place;
   if (wait > 0) {
@@ -181,10 +183,12 @@ Reply get_job(Request& request, Api& api) {
 // Cancels a job, and removes the record of one that had ended before, unless `ended=keep`: its last
 // state is the response.
 Reply delete_job(Request& request, Api& api) {
+  const auto of_ended = query_word(request, "ended", {"keep"});
+  if (!of_ended) return problem(request, of_ended.error());
   const std::string& id = request.path_parameters[0];
   const auto before = api.jobs.get(request.caller, id);
   if (before && before->ended()) {
-    if (request.query("ended").value_or("") != "keep") return remove_job(request, api, *before);
+    if (of_ended->empty()) return remove_job(request, api, *before);
     return status_response(request, api, 200, *before);
   }
   auto status = api.jobs.cancel(request.caller, id);
