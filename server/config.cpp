@@ -8,6 +8,7 @@
 #include <map>
 #include <utility>
 
+#include "proto/text/number_text.h"
 #include "server/http/message/authority.h"
 #include "server/jobs/auth/api_key.h"
 
@@ -36,7 +37,18 @@ constexpr int kWorkersPerDeviceMax = 64;
 
 // A thousand years. Before the year 1000, the names of days no longer sort by time, and days that
 // are younger would be removed.
-constexpr double kKeepDaysMax = 365'000;
+constexpr int64_t kKeepDaysMax = 365'000;
+// The same in seconds.
+constexpr int64_t kJobSecondsMax = kKeepDaysMax * 86'400;
+
+// A number of seconds or days in [0, max]. CLI::Range takes NaN.
+CLI::Validator up_to(int64_t max) {
+  const auto check = [max](const std::string& text) -> std::string {
+    if (parse_number<double>(text, 0.0, static_cast<double>(max))) return "";
+    return "expected a number from " + range_text(0, max) + ", got " + text;
+  };
+  return {check, "FLOAT in [0 - " + std::to_string(max) + "]"};
+}
 
 // The error of an IPv6 address; empty for a valid one.
 std::string is_ipv6(const std::string& text) {
@@ -105,7 +117,7 @@ void add_storage(CLI::App& serve, ServeConfig& config) {
   const auto add_days = [&serve](const char* flag, double& days, const char* text,
                                  const char* variable) {
     serve.add_option(flag, days, text)
-        ->check(CLI::Range(0.0, kKeepDaysMax))
+        ->check(up_to(kKeepDaysMax))
         ->envname(variable)
         ->capture_default_str();
   };
@@ -164,7 +176,7 @@ void add_worker_limits(CLI::App& serve, ServeConfig& config) {
   serve
       .add_option("--job-seconds-max", config.job_seconds_max,
                   "How long one attempt at a job may run; 0: for ever")
-      ->check(CLI::NonNegativeNumber)
+      ->check(up_to(kJobSecondsMax))
       ->envname("VOXELD_JOB_SECONDS_MAX")
       ->capture_default_str();
 }
@@ -178,7 +190,7 @@ void add_private_use(CLI::App& serve, ServeConfig& config) {
   serve
       .add_option("--exit-when-idle", config.exit_when_idle_seconds,
                   "End after so many seconds without a request and a job; 0: never")
-      ->check(CLI::Range(0.0, 86400.0))
+      ->check(up_to(86'400))
       ->envname("VOXELD_EXIT_WHEN_IDLE")
       ->capture_default_str();
 }
@@ -263,7 +275,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   serve
       ->add_option("--drain-seconds", config.drain_seconds,
                    "How long running requests may continue after SIGTERM, while new work gets 503")
-      ->check(CLI::Range(0.0, 86400.0))
+      ->check(up_to(86'400))
       ->envname("VOXELD_DRAIN_SECONDS")
       ->capture_default_str();
   serve
@@ -271,7 +283,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
           "--part-seconds", config.part_seconds,
           "How often the finished tiles of a long job are stored, to continue from them after "
           "a restart")
-      ->check(CLI::Range(0.0, 3600.0))
+      ->check(up_to(3'600))
       ->envname("VOXELD_PART_SECONDS")
       ->capture_default_str();
   serve
@@ -300,8 +312,7 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
       ->required();
   worker->add_option("--shader-dir", command.shader_dir, "As of serve");
   worker->add_option("--data", command.data_dir, "Directory of calibration.json");
-  worker->add_option("--part-seconds", command.part_seconds, "As of serve")
-      ->check(CLI::Range(0.0, 3600.0));
+  worker->add_option("--part-seconds", command.part_seconds, "As of serve")->check(up_to(3'600));
   add_sandbox(*worker, command.sandbox);
   add_log_level(*worker, command.log_level);
   return worker;

@@ -151,6 +151,25 @@ TEST(Config, times_that_a_clock_or_a_calendar_cannot_hold_are_refused) {
   }
 }
 
+TEST(Config, times_are_numbers_and_the_error_says_from_where_to_where) {
+  for (const char* flag :
+       {"--drain-seconds", "--part-seconds", "--job-seconds-max", "--exit-when-idle",
+        "--keep-results-days", "--keep-assets-days", "--keep-jobs-days", "--keep-orphans-days"}) {
+    for (const char* value : {"nan", "-nan", "NAN", "inf", "-inf", "-1", "soon"}) {
+      EXPECT_EQ(std::get<ExitCommand>(parse({flag, value})).status, 64) << flag << " " << value;
+    }
+    EXPECT_TRUE(std::holds_alternative<ServeConfig>(parse({flag, "0.5"}))) << flag;
+    ::testing::internal::CaptureStderr();
+    parse({flag, "nan"});
+    const std::string text = ::testing::internal::GetCapturedStderr();
+    EXPECT_NE(text.find(std::string(flag) + ": expected a number from 0 to "), std::string::npos)
+        << text;
+    EXPECT_NE(text.find(", got nan"), std::string::npos) << text;
+  }
+  const Variable seconds("VOXELD_JOB_SECONDS_MAX", "nan");
+  EXPECT_EQ(std::get<ExitCommand>(parse({})).status, 64);
+}
+
 TEST(Config, keys_are_added_listed_and_revoked_in_a_data_directory) {
   Variable data("VOXELD_DATA", "/state/elsewhere");
   using Action = KeysCommand::Action;
