@@ -13,6 +13,7 @@
 #include "server/voxel/frames/frame_vertices.h"
 #include "server/voxel/pipelines/device_faults.h"
 #include "server/voxel/pipelines/fallback.h"
+#include "server/voxel/solid/auto_sign.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
 
@@ -181,12 +182,11 @@ Result<int64_t> Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh
   if (channels.volume) {
     bytes += coverage_bytes(placed.spec, surface.bytes(WantedChannels()), cpu.threads());
   }
-  const bool needs_sign =
-      channels.grid.distance || options.fill == Fill::kSolid || options.fill == Fill::kShell;
-  if (needs_sign) {
-    bytes += sign_bytes(placed.spec, options.sign, static_cast<int64_t>(scene.triangle_count()),
-                        surface.bytes(WantedChannels()));
+  const bool needs_sign = channels.grid.distance || options.has_inside();
+  if (needs_sign && options.sign == Sign::kAuto) {
+    bytes += auto_sign_bytes(placed.spec.dims, surface.bytes(WantedChannels()));
   }
+  bytes += tree_bytes(options, static_cast<int64_t>(scene.triangle_count()));
   if (needs_all_tiles(options, channels)) bytes += FillMesh::own_bytes(scene, mesh);
   // The cells of a band are estimated by that mesh, which is made for it.
   VOXELD_TRY(check_host_bytes(placed.spec, bytes, host_bytes_max));
@@ -483,6 +483,7 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
     estimate.device_bytes += inside->inside_bytes(placed.spec.dims, options.sign);
   }
   VOXELD_ASSIGN(estimate.host_bytes, impl_->job_bytes(scene, mesh, placed, options, channels));
+  estimate.tree_bytes = tree_bytes(options, static_cast<int64_t>(scene.triangle_count()));
   estimate.voxels = options.fill == Fill::kSurface ? surface_size(mesh, placed.spec).voxels
                                                    : placed.spec.cell_count();
   return estimate;

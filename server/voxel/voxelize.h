@@ -28,7 +28,8 @@ struct VoxelizeEstimate {
   GridSpec spec;
   int64_t tiles = 0;
   int64_t device_bytes = 0;  // peak: tile mask, triangle windows, attribute window, textures
-  int64_t host_bytes = 0;    // upper estimate of the sparse result and the snapped mesh
+  int64_t host_bytes = 0;    // upper estimate of the sparse result, the snapped mesh and its trees
+  int64_t tree_bytes = 0;    // of these: trees of triangles, which do not depend on the grid
   int64_t voxels = 0;        // upper estimate; all cells where the inside is filled
   // The pipeline that would run, and why. Its time is predicted if the device is calibrated.
   PipelineDecision pipeline;

@@ -365,11 +365,10 @@ Status settle_doubt(const FillMesh& mesh, const glm::ivec3& dims, const AutoSett
   return verdicts.decide(doubts, inside);
 }
 
-int64_t auto_sign_bytes(const glm::ivec3& dims, int64_t triangles, int64_t surface_bytes) {
+int64_t auto_sign_bytes(const glm::ivec3& dims, int64_t surface_bytes) {
   constexpr int64_t kBrickBytes = sizeof(BrickMask) + sizeof(uint32_t);
   constexpr int64_t kDoubtBytes = 2 * (sizeof(Doubt) + 2 * sizeof(BrickMask));
-  return Regions::bytes_for(dims, surface_bytes) + WindingField::bytes_for(triangles) +
-         surface_bytes / kBrickBytes * kDoubtBytes;
+  return Regions::bytes_for(dims, surface_bytes) + surface_bytes / kBrickBytes * kDoubtBytes;
 }
 
 }  // namespace voxeld

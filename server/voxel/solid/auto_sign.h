@@ -30,7 +30,8 @@ Status settle_doubt(const FillMesh& mesh, const glm::ivec3& dims, const AutoSett
                     ThreadTeam& team, const ColumnProgress& progress, AxisVotes& votes,
                     std::vector<SparseTile>& inside, AutoReport& report);
 
-// An upper bound of the bytes that settle_doubt() takes. surface_bytes: of the touched tiles.
-int64_t auto_sign_bytes(const glm::ivec3& dims, int64_t triangles, int64_t surface_bytes);
+// An upper bound of the bytes that settle_doubt() takes beside its tree (tree_bytes()).
+// surface_bytes: of the touched tiles.
+int64_t auto_sign_bytes(const glm::ivec3& dims, int64_t surface_bytes);
 
 }  // namespace voxeld

@@ -295,10 +295,13 @@ Status check_distance_unit(const GridSpec& spec, DistanceUnit unit) {
                option_values::to_text(aspect)};
 }
 
-int64_t sign_bytes(const GridSpec& spec, Sign sign, int64_t triangles, int64_t surface_bytes) {
-  if (sign == Sign::kAuto) return auto_sign_bytes(spec.dims, triangles, surface_bytes);
-  // It is more than the lists take that find the boundary.
-  return sign == Sign::kWinding ? WindingField::bytes_for(triangles) : 0;
+int64_t tree_bytes(const VoxelizeOptions& options, int64_t triangles) {
+  const bool needs_sign = options.has_inside() || options.measures();
+  const bool winds = options.sign == Sign::kAuto || options.sign == Sign::kWinding;
+  const bool measures = options.fill == Fill::kBand || options.measures();
+  // The first is more than the lists take that find the boundary.
+  return (needs_sign && winds ? WindingField::bytes_for(triangles) : 0) +
+         (measures ? TriangleTree::bytes_for(triangles) : 0);
 }
 
 int64_t distance_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
@@ -306,9 +309,8 @@ int64_t distance_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed
   const bool is_band = options.fill == Fill::kBand;
   if (!is_band && !channels.grid.distance) return 0;
   const glm::ivec3 tiles = placed.spec.tile_dims();
-  // A tree, and tables of the inside bricks.
-  const int64_t bytes = TriangleTree::bytes_for(static_cast<int64_t>(scene.triangle_count())) +
-                        int64_t{tiles.x} * tiles.y * tiles.z * (int64_t{8} << 15);
+  // Tables of the inside bricks.
+  const int64_t bytes = int64_t{tiles.x} * tiles.y * tiles.z * (int64_t{8} << 15);
   if (!is_band) return bytes;
   const FillMesh fill = FillMesh::of(scene, placed.world_from_file, placed.spec, mesh);
   const int64_t cells = band_cells_max(fill, placed.spec.dims, options.thickness);

@@ -81,11 +81,13 @@ class SolidFiller {
 // differ by more than limits::kDistanceAspectMax.
 Status check_distance_unit(const GridSpec& spec, DistanceUnit unit);
 
-// An upper estimate of the bytes that a sign takes. surface_bytes: of the touched tiles. Winding
-// numbers of meshes with more open edges than triangles take more, which SolidFiller checks.
-int64_t sign_bytes(const GridSpec& spec, Sign sign, int64_t triangles, int64_t surface_bytes);
+// An upper estimate, in bytes, of the trees of triangles for winding numbers, distances and bands.
+// Winding numbers of meshes with more open edges than triangles take more, which SolidFiller
+// checks.
+int64_t tree_bytes(const VoxelizeOptions& options, int64_t triangles);
 
-// An upper estimate of the bytes that distances and bands need in addition to surface and inside.
+// An upper estimate of the bytes that distances and bands need in addition to surface, inside and
+// trees.
 int64_t distance_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
                        const VoxelizeOptions& options, const WantedChannels& channels);
 

@@ -113,7 +113,13 @@ int64_t largest_tile_bytes(const TileSource& source) {
 struct GridSize {
   int64_t bytes = 0;  // with its tiles in memory
   int64_t voxels = 0;
+  int64_t tree_bytes = 0;  // of the mesh's triangles, while it is made
 };
+
+// Fills and distances need all tiles of the surface at once.
+bool needs_all_tiles(const VoxelizeOptions& options) {
+  return options.fill != Fill::kSurface || options.measures();
+}
 
 // Tiles that stages of steps keep, and the bits of the tile that each thread makes; runs of cells
 // and components of voxels.
@@ -144,10 +150,11 @@ GridSize grid_size(const Engine& engine, const Scene& scene, const RequestOption
   const VoxelizeOptions& asked = options.voxelize;
   const GridSize dense = {dense_result_bytes(placed.spec, wanted_channels(scene, asked)),
                           placed.spec.cell_count()};
-  if (asked.fill == Fill::kSurface && dense.bytes <= kDenseBytesMin) return dense;
+  if (!needs_all_tiles(asked) && dense.bytes <= kDenseBytesMin) return dense;
   const auto closer = engine.voxelizer.estimate(scene, asked);
   if (!closer) return dense;
-  return {std::min(dense.bytes, closer->host_bytes), std::min(dense.voxels, closer->voxels)};
+  return {std::min(dense.bytes, closer->host_bytes - closer->tree_bytes),
+          std::min(dense.voxels, closer->voxels), closer->tree_bytes};
 }
 
 // Voxels that a mesh or another encoder of whole grids writes. The inside of a solid has no faces;
@@ -183,10 +190,9 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   const VoxelizeOptions& asked = options.voxelize;
   const OutputOptions& output = options.output;
   const WantedChannels channels = wanted_channels(scene, asked);
-  const bool fills = asked.fill != Fill::kSurface;
   const GridSize size = grid_size(engine, scene, options, placed);
   int64_t result = size.bytes;
-  const bool keeps = fills || output.file_layout().kind != FileLayout::kTiles;
+  const bool keeps = needs_all_tiles(asked) || output.file_layout().kind != FileLayout::kTiles;
   if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
   result += result / 4;  // growing arrays reserve more than they use
   const int64_t records =
@@ -196,7 +202,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   const bool on_device =
       asked.pipeline == PipelineChoice::kCompute || asked.pipeline == PipelineChoice::kRaster;
   // Lists of triangles grow by doubling.
-  return 2 * mesh_bytes(scene) + records + result + threads() * kThreadBytes +
+  return 2 * mesh_bytes(scene) + size.tree_bytes + records + result + threads() * kThreadBytes +
          2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
          (on_device ? kSoftwareDeviceBytes : 0) +
          encoded_bytes(placed.spec, written_voxels(engine, scene, options, size), channels.grid,
