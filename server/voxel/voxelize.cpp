@@ -136,8 +136,10 @@ struct Voxelizer::Impl {
                   VoxelizeStats& stats) const;
   // Makes the plan's mesh. The device or the CPU first moves the vertices of a frame. If
   // `wants_vertices`, vertices that the device moved are read back.
-  Status snap_mesh(SharedFrames* frames, int64_t bytes_max, bool wants_vertices, VoxelizePlan& plan,
+  Status snap_mesh(SharedFrames* frames, bool wants_vertices, VoxelizePlan& plan,
                    VoxelizeStats& stats) const;
+  // Snaps the plan's scene, within the memory that mesh_bytes() leaves.
+  Status snap(VoxelizePlan& plan) const;
   // Chooses the pipeline that makes the surface of the bins.
   Result<Pipeline> choose(const VoxelizePlan& plan, std::span<const TileBin> bins,
                           SharedFrames* frames, VoxelizeStats& stats) const;
@@ -251,7 +253,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   const bool estimates =
       keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left);
   VOXELD_TRY(between_steps(progress));
-  VOXELD_TRY(snap_mesh(frames, bytes_left, estimates, plan, stats));
+  VOXELD_TRY(snap_mesh(frames, estimates, plan, stats));
   VOXELD_TRY(between_steps(progress));
   if (plan.keeps_inside && frames == nullptr) {
     const bool is_mirrored = glm::determinant(glm::dmat3(plan.world_from_file)) < 0;
@@ -277,8 +279,8 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   return between_steps(progress);
 }
 
-Status Voxelizer::Impl::snap_mesh(SharedFrames* frames, int64_t bytes_max, bool wants_vertices,
-                                  VoxelizePlan& plan, VoxelizeStats& stats) const {
+Status Voxelizer::Impl::snap_mesh(SharedFrames* frames, bool wants_vertices, VoxelizePlan& plan,
+                                  VoxelizeStats& stats) const {
   if (frames != nullptr) {
     plan.mesh = frames->take_mesh();
     const bool bins_tiles = plan.spec.tile_dims() != glm::ivec3(1);
@@ -292,11 +294,15 @@ Status Voxelizer::Impl::snap_mesh(SharedFrames* frames, int64_t bytes_max, bool 
     plan.has_device_vertices = skinned.ok() && *skinned;
     if (!plan.has_device_vertices) VOXELD_TRY(frames->move_vertices());
   }
-  if (!plan.has_device_vertices) {
-    VOXELD_ASSIGN(plan.mesh, snap_scene(plan.scene, plan.world_from_file, plan.spec, bytes_max,
-                                        std::move(plan.mesh)));
-  }
+  if (!plan.has_device_vertices) VOXELD_TRY(snap(plan));
   if (frames != nullptr && plan.mesh.is_whole) plan.mesh_key = frames->mesh_key();
+  return {};
+}
+
+Status Voxelizer::Impl::snap(VoxelizePlan& plan) const {
+  const int64_t bytes_max = host_bytes_max - mesh_bytes(plan.scene);
+  VOXELD_ASSIGN(plan.mesh, snap_scene(plan.scene, plan.world_from_file, plan.spec, bytes_max,
+                                      std::move(plan.mesh)));
   return {};
 }
 
@@ -363,9 +369,7 @@ Status Voxelizer::Impl::take_vertices_from_device(SharedFrames& frames, Voxelize
   frames.set_device_moves(false);
   VOXELD_TRY(frames.move_vertices());
   plan.has_device_vertices = false;
-  VOXELD_ASSIGN(plan.mesh, snap_scene(plan.scene, plan.world_from_file, plan.spec, host_bytes_max,
-                                      std::move(plan.mesh)));
-  return {};
+  return snap(plan);
 }
 
 // Makes all of the surface's tiles, then fills the inside.
