@@ -5,6 +5,7 @@
 #include "client/include/voxeld/client.h"
 #include "proto/container/grid_format.h"
 #include "proto/error_code.h"
+#include "tests/unit/base/comes_true.h"
 #include "tests/unit/client/client_test_tools.h"
 #include "tests/unit/client/scripted_server.h"
 #include "tests/unit/proto/tile_maker.h"
@@ -18,6 +19,8 @@ using test::job_response;
 using test::json_response;
 using test::problem_response;
 using test::ScriptedServer;
+using ::testing::AnyOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
@@ -311,10 +314,17 @@ TEST(Wait, a_304_without_a_condition_is_a_bad_response) {
 }
 
 TEST(Wait, a_short_timeout_does_not_count_the_time_that_the_daemon_was_asked_to_hold) {
-  ScriptedServer server({running(1, "\"1\""), unchanged(1100ms), job_response("done")});
-  Settings settings = settings_for(server.url(), 0);
-  settings.timeout = 1s;
-  EXPECT_EQ(Client(settings).wait("j-1").state, "done");
+  // Tried again where a busy machine adds seconds; all tries would fail if the held time counted.
+  EXPECT_TRUE(testing::comes_true([] {
+    ScriptedServer server({running(1, "\"1\""), unchanged(1100ms), job_response("done")});
+    Settings settings = settings_for(server.url(), 0);
+    settings.timeout = 1s;
+    try {
+      return Client(settings).wait("j-1").state == "done";
+    } catch (const Error&) {
+      return false;
+    }
+  }));
 }
 
 TEST(Cancel, is_a_delete) {
@@ -375,17 +385,23 @@ TEST(Cancel, a_job_that_failed_by_itself_is_not_deleted) {
 }
 
 TEST(Cancel, a_stop_ends_the_pause_before_another_try) {
-  ScriptedServer server({problem_response(503, "queue-full", "full", {"Retry-After: 9"})});
+  const auto full = [](const std::string& seconds) {
+    return problem_response(503, "queue-full", "full", {"Retry-After: " + seconds});
+  };
+  ScriptedServer server({full("9"), job_response("done"), full("5"), job_response("done")});
   Client client(server.url());
-  std::stop_source stop;
+  std::stop_source stop, control_stop;
   std::jthread stopper([&] {
     EXPECT_TRUE(server.is_asked(1));
-    std::this_thread::sleep_for(100ms);
+    // The server takes this request once the first client has its response, and pauses.
+    EXPECT_EQ(Client(server.url()).job("j-2").state, "done");
     stop.request_stop();
+    const auto control = [&] { Client(server.url()).wait("j-3", {}, control_stop.get_token()); };
+    EXPECT_EQ(error_of(control).code(), "interrupted");
   });
-  const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(error_of([&] { client.wait("j-1", {}, stop.get_token()); }).code(), "interrupted");
-  EXPECT_LT(since(start), 9s) << "the pause";
+  EXPECT_LT(server.asked().size(), 4u) << "the control, which pauses for less, asks again first";
+  control_stop.request_stop();
 }
 
 TEST(Cancel, a_stop_ends_the_pause_before_a_job_is_submitted_again) {
@@ -449,26 +465,26 @@ TEST(Job, waits_for_a_time_and_may_go_on_afterwards) {
   Job job = client.start("export", Input::of_grid("sha256-g"), {});
   EXPECT_FALSE(job.wait_for(0ms));
   EXPECT_EQ(server.asked().size(), 2u);
-  EXPECT_TRUE(job.wait_for(1900ms));
+  EXPECT_TRUE(job.wait_for(1h));
   EXPECT_EQ(server.asked()[2].header("prefer"), "");
-  EXPECT_EQ(server.asked()[3].header("prefer"), "wait=1");
+  EXPECT_EQ(server.asked()[3].header("prefer"), "wait=2");
 }
 
 TEST(Job, a_stopped_wait_leaves_it_to_the_daemon_until_it_is_cancelled) {
+  // The stopped wait may send a request, and may not.
   ScriptedServer server({job_response("queued"), job_response("running"), job_response("running"),
-                         job_response("cancelled")});
+                         job_response("cancelled"), job_response("cancelled")});
   Client client(server.url());
   Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
   EXPECT_EQ(error_of([&] { job.wait([](const Progress&) { return false; }); }).code(),
             "interrupted");
   std::stop_source stop;
   stop.request_stop();
-  EXPECT_EQ(error_of([&] { job.wait_for(500ms, stop.get_token()); }).code(), "interrupted");
+  EXPECT_EQ(error_of([&] { job.wait_for(1h, stop.get_token()); }).code(), "interrupted");
   job.cancel();
   job.cancel();  // has ended
   EXPECT_EQ(job.info().state, "cancelled");
-  EXPECT_THAT(server.asked(), SizeIs(4));
-  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1?ended=keep");
+  EXPECT_THAT(server.lines(), Contains("DELETE /v1/jobs/j-1?ended=keep").Times(1));
   EXPECT_EQ(error_of([&] { job.wait(); }).code(), "cancelled");
 }
 
@@ -518,7 +534,7 @@ TEST(Job, the_first_of_several_that_ends_is_found) {
   EXPECT_EQ(wait_any(jobs), 1u);
   EXPECT_EQ(wait_any(std::span(jobs).subspan(1)), 0u);  // without a request
   EXPECT_EQ(wait_any(std::span(jobs).first(1), 10ms), std::nullopt);
-  EXPECT_THAT(server.asked(), SizeIs(8));
+  EXPECT_THAT(server.asked(), SizeIs(AnyOf(7u, 8u)));  // one look may take longer than 10 ms
 }
 
 }  // namespace

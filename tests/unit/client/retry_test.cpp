@@ -19,6 +19,7 @@ using test::problem_response;
 using test::ScriptedServer;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Le;
 using ::testing::SizeIs;
 
 CannedResponse busy(int status, const std::string& retry_after) {
@@ -188,7 +189,7 @@ TEST(Errors, a_daemon_that_does_not_respond_in_time_is_a_timeout) {
   Client client(settings);
   const Error error = error_of([&] { client.job("j-1"); });
   EXPECT_EQ(error.code(), "timeout");
-  EXPECT_THAT(server.asked(), SizeIs(1));
+  EXPECT_THAT(server.asked(), SizeIs(Le(1u)));  // none where the server is slower than the client
 }
 
 TEST(Client, slashes_at_the_end_of_the_address_do_not_count) {
