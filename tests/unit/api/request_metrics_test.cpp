@@ -203,7 +203,8 @@ TEST_F(MetricsEndpoint, is_a_document_of_the_text_format_and_on_the_admin_port_a
   HttpResponse response;
   ASSERT_TRUE(comes_true([&] {  // an exchange is counted after its response has been sent
     response = admin("/metrics");
-    return response.body.find(requests("/v1/jobs", 202)) != std::string::npos;
+    return response.body.find(requests("/v1/assets", 201)) != std::string::npos &&
+           response.body.find(requests("/v1/jobs", 202)) != std::string::npos;
   }));
   EXPECT_EQ(response.status, 200);
   EXPECT_EQ(response.header("content-type"), "text/plain; version=0.0.4; charset=utf-8");
