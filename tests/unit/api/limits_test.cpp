@@ -43,9 +43,11 @@ TEST_F(LimitsTest, a_tenant_over_its_rate_gets_retry_after) {
   EXPECT_EQ(first.header("ratelimit-policy"), "\"requests\";q=2;w=2");
   EXPECT_EQ(first.header("ratelimit"), "\"requests\";r=1;t=1");
   EXPECT_EQ(first.header("retry-after"), "");
-  HttpResponse refused = get("/v1/jobs", lab);
-  for (int i = 0; i < 3 && refused.status == 200; ++i) refused = get("/v1/jobs", lab);
-  EXPECT_EQ(refused.status, 429);
+  HttpResponse refused;
+  ASSERT_TRUE(comes_true([&] {  // a slow machine may take several seconds for a few requests
+    refused = get("/v1/jobs", lab);
+    return refused.status == 429;
+  }));
   EXPECT_EQ(refused.code(), "too-many-requests");
   EXPECT_EQ(refused.header("retry-after"), "1");
   EXPECT_NE(refused.body.find("at most 1/s"), std::string::npos);
