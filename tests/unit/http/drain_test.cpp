@@ -11,8 +11,6 @@
 namespace voxeld::http {
 namespace {
 
-using std::chrono::seconds;
-
 class DrainTest : public HttpServerTest {
  protected:
   DrainTest() {
@@ -38,8 +36,8 @@ class DrainTest : public HttpServerTest {
     config.is_new_work = [](const Head& head) { return head.method == "POST"; };
     start_with(config);
   }
-  // For stop() where it must not last so long.
-  static constexpr int kLongGraceSeconds = 3 * kPatienceSeconds;
+  // For stop() that ends before: a test that waits for it hangs.
+  static constexpr int kLongGraceSeconds = 3600;
   // Stops while `work` runs, which has to end by itself: one request is held all that time.
   template <typename Work>
   void while_draining(const Work& work) {
@@ -148,9 +146,7 @@ TEST_F(DrainTest, clients_that_repeat_requests_for_work_do_not_prevent_the_end) 
       }
     });
   }
-  const auto start = Clock::now();
   while_draining([] {});
-  EXPECT_LT(Clock::now() - start, seconds(kPatienceSeconds)) << "the grace is much longer";
   ended = true;
   for (std::thread& client : clients) client.join();
 }
