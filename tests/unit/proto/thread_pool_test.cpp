@@ -109,7 +109,7 @@ TEST(ThreadPool, loops_work_in_a_child_process_that_has_no_threads) {
   pool.for_each(100, [&](size_t) { ++calls; });
   const pid_t child = ::fork();
   if (child == 0) {
-    ::alarm(20);
+    ::alarm(60);
     std::atomic<int> own = 0;
     pool.for_each(100, [&](size_t) { ++own; });
     ::_exit(own == 100 && !pool.post([] {}) ? 7 : 8);
