@@ -107,7 +107,7 @@ class Cancel(DaemonTest):
         load, before = CancelLoad(self.fixtures), self.worker()
         for case in load.cases:
             with self.subTest(case):
-                _, status = load.cancel_ms(self.daemon, case, 0.2)
+                _, status = load.cancel_ms(self.daemon, case, 0)  # later, a fast machine may be done
                 self.assertEqual(status["state"], "cancelled", status)
                 self.assertEqual(self.worker(), before)
 
