@@ -64,7 +64,7 @@ class Browser(unittest.TestCase):
         # Caches of shaders and fonts are those of this run alone, and what is left goes with the folder. The name is
         # short because paths of sockets have a limit.
         with tempfile.TemporaryDirectory(prefix="web-") as folder:
-            print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=1100,
+            print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=2300,
                             VOXELD_BIN_DIR=str(BIN.resolve()), VOXELD_ROOT_DIR=str(ROOT), TMPDIR=folder, HOME=folder,
                             XDG_CACHE_HOME=f"{folder}/cache", XDG_CONFIG_HOME=f"{folder}/config"))
 
