@@ -126,12 +126,12 @@ int64_t PartStore::bytes_before(std::string_view job, int64_t position) const {
   return bytes;
 }
 
-std::optional<TilePart> PartStore::with_tile(std::string_view job, int64_t tile) const {
+std::optional<JobPart> PartStore::with_tile(std::string_view job, int64_t tile) const {
   if (!is_plain_name(job)) return std::nullopt;
   int64_t next = 0, before = 0;
   for (const auto& [position, part] : parts_in(folder_ / job)) {
     if (position != next++) break;
-    if (tile - before < part.tiles) return TilePart{part.path, before};
+    if (tile - before < part.tiles) return JobPart{part.path, before};
     before += part.tiles;
   }
   return std::nullopt;

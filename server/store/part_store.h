@@ -16,7 +16,7 @@
 namespace voxeld {
 
 // A part of a job.
-struct TilePart {
+struct JobPart {
   std::filesystem::path path;
   int64_t first_tile = 0;  // number of tiles in the parts before it
 };
@@ -37,7 +37,7 @@ class PartStore {
   int64_t bytes_before(std::string_view job, int64_t position) const;
   // The part with tile `tile` of the job, counted over all parts; nullopt while there is none. The
   // file may be removed at any time. Its bytes are not compared with their hash.
-  std::optional<TilePart> with_tile(std::string_view job, int64_t tile) const;
+  std::optional<JobPart> with_tile(std::string_view job, int64_t tile) const;
   // Removes the job's parts. It costs next to nothing if there are none.
   void remove(std::string_view job) const;
   // Removes, at start, parts of jobs that are no longer `wanted`.
