@@ -7,6 +7,8 @@
 #include <cstring>
 #include <exception>
 #include <mutex>
+#include <string_view>
+#include <utility>
 
 namespace voxeld::client {
 namespace {

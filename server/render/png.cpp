@@ -3,6 +3,7 @@
 
 #include <csetjmp>
 #include <cstdio>
+#include <new>
 #include <string>
 #include <utility>
 

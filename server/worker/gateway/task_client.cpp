@@ -1,6 +1,7 @@
 #include "server/worker/gateway/task_client.h"
 
 #include <nlohmann/json.hpp>
+#include <type_traits>
 
 namespace voxeld {
 

@@ -1,6 +1,7 @@
 // The worker's side of the task API.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 

@@ -9,6 +9,7 @@
 #include <glvnd/libeglabi.h>
 #include <unistd.h>
 
+#include <cstdint>
 #include <cstring>
 #include <string_view>
 

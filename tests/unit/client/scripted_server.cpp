@@ -10,6 +10,7 @@
 #include <cctype>
 #include <cstdlib>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include "tests/unit/base/comes_true.h"

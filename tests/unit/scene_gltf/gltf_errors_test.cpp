@@ -1,7 +1,9 @@
 // Errors of broken glTF files: one table of {change, exact message}.
 #include <gtest/gtest.h>
 
+#include <cctype>
 #include <functional>
+#include <limits>
 
 #include "tests/unit/scene_gltf/gltf_builder.h"
 

@@ -2,6 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdio>
+#include <tuple>
+
 #include "server/scene/gltf/container.h"
 #include "tests/unit/scene_gltf/gltf_builder.h"
 

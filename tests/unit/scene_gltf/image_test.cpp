@@ -2,6 +2,7 @@
 #include "server/scene/images/image.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>

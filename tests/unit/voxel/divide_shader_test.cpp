@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <ios>
 #include <random>
 
 #include "shaders/glsl.h"

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <new>
 #include <string>
 #include <thread>
 #include <vector>
