@@ -46,8 +46,6 @@ Held held_by(const Grid& grid, const OutputOptions& options, const std::string& 
       held.units = held.any_voxel_size = false;
       break;
     case Format::kCsv:
-      held.names = held.units = false;
-      break;
     case Format::kNvdb:
       held.names = held.units = false;
       break;

@@ -47,8 +47,10 @@ class Batch {
   void run() {
     const size_t count = std::min<size_t>(kBatchJobsMax, outcomes_.size());
     std::vector<client::Client> daemons;  // what they refuse, such as a key, is no matter of a file
+    daemons.reserve(count);
     for (size_t i = 0; i < count; ++i) daemons.emplace_back(settings_of(arguments_));
     std::vector<std::jthread> threads;
+    threads.reserve(count);
     running_ = count;
     for (client::Client& daemon : daemons) threads.emplace_back([this, &daemon] { work(daemon); });
     while (running_ > 0) {

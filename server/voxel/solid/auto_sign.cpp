@@ -282,6 +282,7 @@ class Verdicts {
     }
     if (all.size() <= kSamplesMax) return all;
     std::vector<glm::ivec3> samples;
+    samples.reserve(kSamplesMax);
     for (size_t i = 0; i < kSamplesMax; ++i) samples.push_back(all[i * all.size() / kSamplesMax]);
     return samples;
   }
