@@ -21,7 +21,7 @@ CLASSES = [("sync", errno.EIO), ("rename", errno.ENOSPC), ("rename", errno.EIO),
            ("write", errno.EIO), ("short-write", 0), ("sqlite", 13), ("sqlite", 10),
            ("sqlite", 7), ("sqlite", 5), ("alloc", errno.ENOMEM), ("alloc-twice", errno.ENOMEM)]
 # nlohmann-json 3.11.2 allocates in its destructor, which is noexcept. Memory that is short there once is
-# what base/memory_reserve is for; where it stays short (alloc-twice), the process ends, and its
+# what process/memory_reserve is for; where it stays short (alloc-twice), the process ends, and its
 # supervisor starts it again. These are counted apart, and only in that class.
 JSON_DESTRUCTOR = re.compile(r"nlohmann\S*basic_json\S*(7destroy|D[12]Ev)")
 SECONDS_MAX = 180  # one life; longer is a hang
