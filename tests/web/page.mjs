@@ -66,7 +66,7 @@ async function limitDraws(context, isDrawn) {
 }
 
 export const test = base.extend({
-  // One daemon for all files: one worker runs them.
+  // For the files that a worker runs.
   isServed: [
     async ({}, use) => {
       run("voxeld_make_fixtures", [fixtures]);

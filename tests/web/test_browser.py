@@ -60,7 +60,8 @@ class Browser(unittest.TestCase):
         self.node("node_modules/typescript/bin/tsc", "--project", str(HERE), seconds=600)
 
     def test_the_page_in_chromium(self):
-        self.assertIsNotNone(shutil.which("chromium"), "chromium missing; Debian: apt-get install chromium")
+        self.assertIsNotNone(shutil.which("chromium-headless-shell"),
+                             "Chromium missing; Debian: apt-get install chromium-headless-shell")
         # Caches of shaders and fonts are those of this run alone, and what is left goes with the folder. The name is
         # short because paths of sockets have a limit.
         with tempfile.TemporaryDirectory(prefix="web-") as folder:
