@@ -1,5 +1,7 @@
 // voxel: the command line client of voxeld. docs/voxel.md describes its use.
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 
 #include "client/cli/arguments.h"
@@ -14,9 +16,21 @@ namespace {
 using namespace voxeld;
 using cli::ExitStatus;
 
+// The status of a command that has printed all it had to.
+ExitStatus printed_status() {
+  errno = 0;
+  // The C library drops the bytes of a write that failed: the last flush may succeed nevertheless.
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return cli::kSuccess;
+  std::fprintf(stderr, "voxel: stdout cannot be written: %s\n",
+               std::strerror(errno == 0 ? EIO : errno));
+  return cli::kFailure;
+}
+
 int run(int argc, char** argv) {
   auto parsed = cli::parse_arguments(argc, argv);
-  if (const auto* status = std::get_if<ExitStatus>(&parsed)) return *status;
+  if (const auto* status = std::get_if<ExitStatus>(&parsed)) {
+    return *status == cli::kSuccess ? printed_status() : *status;
+  }
   auto& arguments = std::get<cli::Arguments>(parsed);
   cli::Interrupt interrupt;
   try {
@@ -34,11 +48,7 @@ int run(int argc, char** argv) {
     }
     return cli::exit_status_of(error);
   }
-  if (std::fflush(stdout) != 0) {
-    std::perror("voxel: stdout");
-    return cli::kFailure;
-  }
-  return cli::kSuccess;
+  return printed_status();
 }
 
 }  // namespace

@@ -187,6 +187,14 @@ class Cli(DaemonTest):
                 process.send_signal(signal.SIGTERM)
                 self.assertEqual(process.wait(60), 130)
 
+    def test_output_that_a_full_disk_loses_is_a_failure(self):
+        for arguments in (("--help",), ("generate", "man"), ("formats",), ("whoami",)):
+            with self.subTest(arguments), open("/dev/full", "wb") as full:
+                done = subprocess.run([BIN / "voxel", *arguments], stdout=full, stderr=subprocess.PIPE, timeout=120,
+                                      env={**os.environ, "VOXELD_URL": self.daemon.url})
+                self.assertEqual(done.returncode, 1, done.stderr)
+                self.assertIn(b"voxel: stdout cannot be written: ", done.stderr)
+
     def test_help_names_every_option(self):
         text = self.voxel("--help").stdout.decode() + self.voxel("render", "--help").stdout.decode()
         for flag in ("--size", "--dims", "--voxel-size", "--padding", "--bounds", "--color",
