@@ -506,7 +506,17 @@ MeshSource MeshSource::open(const std::string& input, std::span<const std::strin
   write_zip(archive, entries);
   MeshSource result(client::Source::file(archive, mesh.stem().string() + ".zip"));
   result.temporary_ = std::move(remove);
+  for (const Entry& entry : entries) result.files_.push_back(entry.path);
   return result;
+}
+
+void MeshSource::check_output(const std::string& output) const {
+  std::error_code error;
+  for (const fs::path& file : files_) {
+    if (!fs::equivalent(file, output, error)) continue;
+    throw client::Error("invalid-option", 0,
+                        output + " belongs to " + files_.front().string() + " and would be lost");
+  }
 }
 
 }  // namespace voxeld::cli

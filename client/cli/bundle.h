@@ -24,12 +24,15 @@ class MeshSource {
   static MeshSource open(const std::string& input, std::span<const std::string> beside = {});
 
   const client::Source& source() const { return source_; }
+  // Throws client::Error "invalid-option" if `output` is one of the files in the zip.
+  void check_output(const std::string& output) const;
 
  private:
   explicit MeshSource(client::Source source) : source_(std::move(source)) {}
 
   client::Source source_;
-  std::shared_ptr<void> temporary_;  // removes the zip
+  std::vector<std::filesystem::path> files_;  // in the zip; empty without one
+  std::shared_ptr<void> temporary_;           // removes the zip
 };
 
 // Relative paths that the file names, in order and once each; only those inside its folder.

@@ -82,6 +82,7 @@ class Batch {
     Outcome outcome;
     try {
       const MeshSource mesh = MeshSource::open(file.input);
+      mesh.check_output(file.output);
       OutputFile output(file.output);
       const client::Sink sink = [&](std::span<const std::byte> piece) { output.write(piece); };
       const bool is_render = arguments_.command == Arguments::Command::kRender;

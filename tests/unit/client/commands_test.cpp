@@ -108,6 +108,24 @@ TEST_F(Commands, a_damaged_result_leaves_no_new_file_and_the_old_one_unchanged) 
   }
 }
 
+TEST_F(Commands, a_texture_of_the_mesh_is_not_overwritten) {
+  std::ofstream(folder_ / "b.obj") << "mtllib b.mtl\n";
+  std::ofstream(folder_ / "b.mtl") << "map_Kd b.png\n";
+  std::ofstream(folder_ / "b.png") << "texture";
+  ScriptedServer server({});
+  Arguments render = arguments(Arguments::Command::kRender, server);
+  render.input = folder_ / "b.obj";
+  render.output = folder_ / "b.png";
+  const client::Error error = error_of([&] { run_command(render, {}); });
+  EXPECT_EQ(exit_status_of(error), kUsage);
+  EXPECT_EQ(error.what(), render.output + " belongs to " + render.input + " and would be lost");
+  render.out_dir = folder_;
+  render.batch = {{render.input, render.output}};
+  EXPECT_EQ(exit_status_of(error_of([&] { run_command(render, {}); })), kUsage);
+  EXPECT_THAT(server.lines(), ::testing::IsEmpty());
+  EXPECT_EQ(fs::file_size(folder_ / "b.png"), 7u);
+}
+
 TEST_F(Commands, a_key_that_no_daemon_takes_is_an_error_of_the_whole_batch) {
   ScriptedServer server({});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
