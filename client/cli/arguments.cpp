@@ -110,8 +110,8 @@ RequestOptions take_options(const Given& given, OptionScope scope, Arguments& ar
 // The names of files that are meshes or voxels by themselves, and are not sent beside another one.
 bool is_mesh_name(const std::string& path) {
   static const std::set<std::string, std::less<>> names = {
-      ".obj", ".ply", ".stl",  ".off", ".gltf",   ".glb", ".md5mesh",
-      ".3mf", ".zip", ".voxg", ".vox", ".binvox", ".npy", ".nrrd"};
+      ".obj", ".ply",  ".stl",  ".off", ".gltf",   ".glb", ".md5mesh", ".3mf",
+      ".zip", ".voxg", ".voxs", ".vox", ".binvox", ".npy", ".nrrd"};
   return names.contains(lower_case(std::filesystem::path(path).extension().string()));
 }
 
@@ -122,17 +122,22 @@ std::filesystem::path real_path(const std::string& path) {
   return failed ? std::filesystem::path(path) : real;
 }
 
+// Takes one mesh, and the files beside it. `advice`: for somebody with several meshes.
+void take_mesh(const std::vector<std::string>& inputs, const std::string& advice,
+               Arguments& arguments) {
+  arguments.input = inputs.front();
+  arguments.beside.assign(inputs.begin() + 1, inputs.end());
+  const auto second = std::ranges::find_if(arguments.beside, is_mesh_name);
+  if (second == arguments.beside.end()) return;
+  throw CLI::ValidationError(*second, "is a second mesh; " + advice);
+}
+
 // Distributes the inputs: a batch, or one mesh and the files beside it.
 void take_inputs(std::vector<std::string> inputs, std::string_view extension,
                  Arguments& arguments) {
   if (arguments.out_dir.empty()) {
     if (inputs.empty()) return;
-    arguments.input = inputs.front();
-    arguments.beside.assign(inputs.begin() + 1, inputs.end());
-    const auto second = std::ranges::find_if(arguments.beside, is_mesh_name);
-    if (second != arguments.beside.end()) {
-      throw CLI::ValidationError(*second, "is a second mesh; --out-dir DIR makes a file of each");
-    }
+    take_mesh(inputs, "--out-dir DIR makes a file of each", arguments);
     const auto is_output = [&](const std::string& input) {
       return input != "-" && real_path(input) == real_path(arguments.output);
     };
@@ -416,8 +421,7 @@ void finish(CommandLine& line) {
       check_render(line.inputs, line.render_given, arguments);
       break;
     case kInfo:
-      arguments.input = line.inputs.front();
-      arguments.beside.assign(line.inputs.begin() + 1, line.inputs.end());
+      take_mesh(line.inputs, "voxel info describes one", arguments);
       break;
     default:
       break;

@@ -100,6 +100,8 @@ class CliFiles(DaemonTest):
                           self.dir / "out")
         self.assert_usage(f"{b}: is a second mesh; --out-dir DIR makes a file of each", a, b, "-o",
                           self.dir / "a.vox")
+        self.assert_usage(f"{b}: is a second mesh; voxel info describes one", "info", a, b)
+        self.assert_usage("b.voxs: is a second mesh", "info", "a.voxs", "b.voxs")
         upper = self.dir / "B.STL"
         shutil.copy(b, upper)
         self.assert_usage(f"{upper}: is a second mesh", a, upper, "-o", self.dir / "a.vox")
