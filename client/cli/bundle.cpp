@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -55,11 +57,12 @@ class Names {
     const auto found = files_.resolve(reference, "");
     return found ? add_path(file_names_[found->index]) : "";
   }
-  // Whether it is a file that is inside the folder after all links are followed.
+  // Whether it is a file that can be read, inside the folder after all links are followed.
   bool is_file_inside(const fs::path& path) const {
     std::error_code error;
     const fs::path real = fs::canonical(folder_ / path, error);
     if (error || !fs::is_regular_file(real, error)) return false;
+    if (::access(real.c_str(), R_OK) != 0) return false;
     const fs::path relative = real.lexically_relative(real_folder_);
     return !real_folder_.empty() && !relative.empty() && *relative.begin() != "..";
   }
@@ -417,6 +420,11 @@ struct Entry {
 };
 
 void write_zip(const fs::path& archive, const std::vector<Entry>& entries) {
+  // libzip opens them at its end, and its error names none.
+  for (const Entry& entry : entries) {
+    if (::access(entry.path.c_str(), R_OK) == 0) continue;
+    throw client::Error("file", 0, entry.path.string() + ": " + std::strerror(errno));
+  }
   int code = 0;
   zip_t* zip = zip_open(archive.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
   if (zip == nullptr) fail_zip(archive, "error " + std::to_string(code));

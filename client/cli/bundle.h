@@ -16,8 +16,8 @@ class MeshSource {
  public:
   // Opens `input`, a path or "-" for stdin. An .obj, .ply, .gltf, .glb or .md5mesh that names
   // other files (materials, textures, buffers, animations) becomes a zip with them, in a temporary
-  // file. Names that lead out of the mesh's folder and missing files are omitted; the daemon's
-  // response names them.
+  // file. Names that lead out of the mesh's folder and files that are missing or cannot be read are
+  // omitted; the daemon's response names them.
   //
   // `beside`: paths of files that are sent with it under their own names, such as animations.
   // Throws client::Error "file".

@@ -408,6 +408,20 @@ TEST_F(Bundle, a_file_that_is_named_twice_is_sent_as_the_command_line_says) {
   EXPECT_THAT(server.asked()[0].body, HasSubstr("other"));
 }
 
+TEST_F(Bundle, a_missing_mesh_with_files_beside_it_is_named) {
+  const std::string mesh = folder() / "no.md5mesh", walk = put("walk.md5anim");
+  const client::Error error = error_of([&] { MeshSource::open(mesh, std::vector{walk}); });
+  EXPECT_EQ(error.code(), "file");
+  EXPECT_EQ(error.what(), mesh + ": No such file or directory");
+}
+
+TEST_F(Bundle, a_texture_that_cannot_be_read_is_left_out) {
+  if (geteuid() == 0) GTEST_SKIP() << "root reads every file";
+  put("a.mtl", "map_Kd skin.png\n");
+  fs::permissions(put("skin.png"), fs::perms::none);
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\n")), ElementsAre("a.mtl"));
+}
+
 TEST_F(Bundle, files_beside_the_mesh_must_be_there_and_have_names_of_their_own) {
   const std::string mesh = put("a.ply"), same = put("b/a.ply");
   const std::vector<std::string> missing = {(fs::path(folder()) / "no.md5anim").string()};
