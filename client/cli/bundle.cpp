@@ -1,6 +1,7 @@
 #include "client/cli/bundle.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,7 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -35,6 +35,8 @@ using Json = nlohmann::json;
 constexpr size_t kListedFilesMax = 20'000;
 // The header of a PLY or GLB is read up to here.
 constexpr size_t kHeaderBytesMax = size_t{1} << 20;
+// A stop is noticed after it while stdin is silent.
+constexpr int kStdinLookMs = 50;
 
 // Collects distinct names of existing files inside the mesh's folder. A mesh file may come from
 // anyone, and the files it names are sent away. Therefore no name and no symbolic link may lead out
@@ -473,13 +475,20 @@ std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string>
   return entries;
 }
 
-client::Source stdin_source() {
+// A read that blocks would not notice a stop.
+client::Source stdin_source(const std::stop_token& stop) {
   return client::Source::stream(
-      [](std::span<std::byte> buffer) {
-        const size_t count = std::fread(buffer.data(), 1, buffer.size(), stdin);
-        if (count == 0 && std::ferror(stdin) != 0)
-          throw client::Error("file", 0, "stdin cannot be read");
-        return count;
+      [stop](std::span<std::byte> buffer) {
+        pollfd input{STDIN_FILENO, POLLIN, 0};
+        while (::poll(&input, 1, kStdinLookMs) <= 0) {
+          if (stop.stop_requested()) throw client::Error("interrupted", 0, "stopped by the caller");
+        }
+        const ssize_t count = ::read(STDIN_FILENO, buffer.data(), buffer.size());
+        if (count < 0) {
+          throw client::Error("file", 0,
+                              std::string("stdin cannot be read: ") + std::strerror(errno));
+        }
+        return static_cast<size_t>(count);
       },
       "");
 }
@@ -495,9 +504,10 @@ std::vector<std::string> referenced_files(const fs::path& mesh) {
   return {};
 }
 
-MeshSource MeshSource::open(const std::string& input, std::span<const std::string> beside) {
+MeshSource MeshSource::open(const std::string& input, std::span<const std::string> beside,
+                            const std::stop_token& stop) {
   if (input == "-") {
-    if (beside.empty()) return MeshSource(stdin_source());
+    if (beside.empty()) return MeshSource(stdin_source(stop));
     throw client::Error("file", 0, "stdin cannot be sent together with other files");
   }
   const fs::path mesh(input);

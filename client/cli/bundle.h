@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -20,8 +21,9 @@ class MeshSource {
   // omitted; the daemon's response names them.
   //
   // `beside`: paths of files that are sent with it under their own names, such as animations.
-  // Throws client::Error "file".
-  static MeshSource open(const std::string& input, std::span<const std::string> beside = {});
+  // `stop` ends the wait for bytes of stdin. Throws client::Error "file".
+  static MeshSource open(const std::string& input, std::span<const std::string> beside = {},
+                         const std::stop_token& stop = {});
 
   const client::Source& source() const { return source_; }
   // Throws client::Error "invalid-option" if `output` is one of the files in the zip.

@@ -187,6 +187,21 @@ class Cli(DaemonTest):
                 process.send_signal(signal.SIGTERM)
                 self.assertEqual(process.wait(60), 130)
 
+    def test_a_signal_ends_the_wait_for_stdin(self):
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            silent.settimeout(60)
+            process = subprocess.Popen([BIN / "voxel", "-", "-o", self.dir / "a.vox", "--url",
+                                        f"http://127.0.0.1:{silent.getsockname()[1]}"], stdin=subprocess.PIPE)
+            self.addCleanup(process.stdin.close)
+            self.addCleanup(process.kill)
+            process.stdin.write(b"ply\n")
+            process.stdin.flush()
+            with silent.accept()[0] as connection:
+                self.assertTrue(connection.recv(4))
+                process.send_signal(signal.SIGTERM)
+                self.assertEqual(process.wait(60), 130)
+        self.assertEqual(list(self.dir.iterdir()), [])
+
     def test_output_that_a_full_disk_loses_is_a_failure(self):
         for arguments in (("--help",), ("generate", "man"), ("formats",), ("whoami",)):
             with self.subTest(arguments), open("/dev/full", "wb") as full:
