@@ -249,6 +249,11 @@ std::string ClientImpl::send(const Source& source, const ProgressCallback& progr
     request.body = [&](std::span<std::byte> buffer) {
       const size_t count = reader.read(buffer);
       sent += static_cast<long long>(count);
+      // The daemon would wait for the rest.
+      if (count == 0 && sent < reader.bytes.value_or(0)) {
+        throw Error("file", 0, source.path_.string() + ": cannot be read to its end",
+                    std::to_string(*reader.bytes) + " bytes", std::to_string(sent));
+      }
       return count;
     };
     request.keep_going = [&] {

@@ -199,6 +199,22 @@ TEST(Upload, a_missing_file_or_a_folder_is_an_error_before_anything_is_sent) {
   EXPECT_THAT(server.asked(), SizeIs(0));
 }
 
+TEST(Upload, a_file_that_becomes_shorter_meanwhile_is_an_error) {
+  const TemporaryFile file(long_text(4'000'000));
+  ScriptedServer server(
+      {problem_response(404, "not-found", "no such asset"), json_response(kAsset)});
+  Client client(server.url());
+  const auto cut = [&](const Progress& progress) {
+    if (progress.stage == "upload") std::filesystem::resize_file(file.path(), 0);
+    return true;
+  };
+  const Error error = error_of([&] { client.upload(Source::file(file.path()), cut); });
+  EXPECT_EQ(error.code(), "file");
+  EXPECT_THAT(error.what(), ::testing::StartsWith(file.path().string() +
+                                                  ": cannot be read to its end: expected 4000000 "
+                                                  "bytes, got "));
+}
+
 TEST(Upload, a_response_without_an_id_is_a_bad_response) {
   ScriptedServer server({json_response("{}")});
   Client client(server.url());
