@@ -242,6 +242,20 @@ class CliFiles(DaemonTest):
         self.assertIn('C:\\Users\\me\\Textures\\BRICK.TGA, named by material "m": textures/brick.tga is taken for it '
                       "(the end of the path)", said)
 
+    def test_a_reader_that_ends_leaves_no_archive(self):
+        self.put(**{"a.obj": b"mtllib a.mtl\n" + self.SQUARE, "a.mtl": b"newmtl m\n"})
+        temporary = self.dir / "temporary"
+        temporary.mkdir()
+        reading, writing = os.pipe()
+        os.close(reading)
+        self.addCleanup(os.close, writing)
+        done = subprocess.run([BIN / "voxel", self.dir / "a.obj", "-o", "-", "--size", "8"], stdout=writing, text=True,
+                              stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, timeout=120,
+                              env={**self.environment, "TMPDIR": str(temporary)})
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("voxel: stdout cannot be written: Broken pipe", done.stderr)
+        self.assertEqual(list(temporary.iterdir()), [])
+
     def test_names_in_a_legacy_encoding_are_found_on_disk_and_in_zips(self):
         name = "\u8d34\u56fe.tga"
         mesh = b"mtllib a.mtl\n" + self.SQUARE

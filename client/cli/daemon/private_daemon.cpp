@@ -225,7 +225,7 @@ class Spawn {
     posix_spawn_file_actions_init(&files_);
     posix_spawnattr_init(&attributes_);
     sigset_t none;
-    sigemptyset(&none);  // voxel has blocked SIGINT and SIGTERM
+    sigemptyset(&none);  // voxel has blocked some: see Interrupt
     posix_spawnattr_setsigmask(&attributes_, &none);
     posix_spawnattr_setflags(&attributes_,
                              static_cast<short>(POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSID));

@@ -24,7 +24,9 @@ Interrupt::Interrupt() {
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
   if (!is_ignored(SIGHUP)) sigaddset(&signals, SIGHUP);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  sigset_t blocked = signals;
+  sigaddset(&blocked, SIGPIPE);
+  pthread_sigmask(SIG_BLOCK, &blocked, nullptr);
   thread_ = std::jthread([this, signals](const std::stop_token& ends) {
     for (int signal = 0; sigwait(&signals, &signal) == 0 && !ends.stop_requested();) {
       const bool is_second = source_.stop_requested();

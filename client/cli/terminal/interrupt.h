@@ -8,8 +8,9 @@
 namespace voxeld::cli {
 
 // Requests a stop at the first SIGINT, SIGTERM or SIGHUP after construction; a second one ends the
-// process at once. SIGHUP has no effect where it is ignored (nohup). Construct it before any other
-// thread starts, because threads inherit its signal mask.
+// process at once. SIGHUP has no effect where it is ignored (nohup). A reader of stdout that ends is
+// an error of the write, not a SIGPIPE, which would leave temporary files. Construct it before any
+// other thread starts, because threads inherit its signal mask.
 class Interrupt {
  public:
   Interrupt();
