@@ -187,6 +187,19 @@ class Cli(DaemonTest):
                 process.send_signal(signal.SIGTERM)
                 self.assertEqual(process.wait(60), 130)
 
+    def test_an_interrupt_that_is_ignored_has_no_effect(self):
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            server.settimeout(60)
+            url = f"http://127.0.0.1:{server.getsockname()[1]}"
+            process = subprocess.Popen(["sh", "-c", 'trap "" INT; exec "$@"', "sh", BIN / "voxel", "ls", "--url", url],
+                                       stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+            self.addCleanup(process.kill)
+            with server.accept()[0] as connection:
+                self.assertTrue(connection.recv(65536))
+                process.send_signal(signal.SIGINT)
+                connection.sendall(b'HTTP/1.1 200 OK\r\nContent-Length: 14\r\n\r\n{"results":[]}')
+                self.assertEqual(process.wait(60), 0)
+
     def test_a_signal_ends_the_wait_for_stdin(self):
         with socket.create_server(("127.0.0.1", 0)) as silent:
             silent.settimeout(60)

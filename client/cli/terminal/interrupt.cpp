@@ -19,16 +19,19 @@ bool is_ignored(int signal) {
 }  // namespace
 
 Interrupt::Interrupt() {
-  sigset_t signals;
+  sigset_t signals, ignored;
   sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  if (!is_ignored(SIGHUP)) sigaddset(&signals, SIGHUP);
+  sigemptyset(&ignored);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    sigaddset(&signals, signal);
+    if (is_ignored(signal)) sigaddset(&ignored, signal);
+  }
   sigset_t blocked = signals;
   sigaddset(&blocked, SIGPIPE);
   pthread_sigmask(SIG_BLOCK, &blocked, nullptr);
-  thread_ = std::jthread([this, signals](const std::stop_token& ends) {
+  thread_ = std::jthread([this, signals, ignored](const std::stop_token& ends) {
     for (int signal = 0; sigwait(&signals, &signal) == 0 && !ends.stop_requested();) {
+      if (sigismember(&ignored, signal) == 1) continue;  // Linux keeps a blocked one nevertheless
       const bool is_second = source_.stop_requested();
       source_.request_stop();
       if (is_second || ends_at_once_) std::_Exit(kInterrupted);

@@ -8,9 +8,10 @@
 namespace voxeld::cli {
 
 // Requests a stop at the first SIGINT, SIGTERM or SIGHUP after construction; a second one ends the
-// process at once. SIGHUP has no effect where it is ignored (nohup). A reader of stdout that ends is
-// an error of the write, not a SIGPIPE, which would leave temporary files. Construct it before any
-// other thread starts, because threads inherit its signal mask.
+// process at once. A signal that is ignored at construction has no effect: SIGHUP below nohup, or
+// SIGINT of a script's background command. A reader of stdout that ends is an error of the write,
+// not a SIGPIPE, which would leave temporary files. Construct it before any other thread starts,
+// because threads inherit its signal mask.
 class Interrupt {
  public:
   Interrupt();
