@@ -349,6 +349,16 @@ class CliFiles(DaemonTest):
         self.assertIn("?]0;m?", done.stdout)
         self.assertNotRegex(done.stdout + done.stderr, "[\x00-\x09\x0b-\x1f\x7f]")
 
+    def test_names_of_files_do_not_change_the_terminal(self):
+        mesh, = self.meshes("a.ply")
+        out = self.dir / "o\x1b]0;m\x07"
+        status, text = self.on_a_terminal(mesh, self.dir / "no\x1b[2J.ply", "--out-dir", out, "--size", 8)
+        self.assertEqual(status, 7, text)
+        self.assertIn(f"{self.dir}/o?]0;m?/a.voxg: ", text)
+        self.assertIn(f"voxel: {self.dir}/no?[2J.ply: ", text)
+        self.assertNotIn("\x1b]", text)
+        self.assertNotIn("\x1b[2J", text)
+
     def test_lists_have_ages_sizes_and_names(self):
         mesh, = self.meshes("named.ply")
         self.voxel(mesh, "-o", self.dir / "a.vox", "--size", 24)

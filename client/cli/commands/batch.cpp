@@ -104,8 +104,7 @@ class Batch {
     if (arguments_.quiet) return;
     bar_.clear();
     for (const std::string& warning : outcome.job.warnings) {
-      std::fprintf(stderr, "voxel: %s: warning: %s\n", file.input.c_str(),
-                   printable(warning).c_str());
+      std::fprintf(stderr, "voxel: %s\n", printable(file.input + ": warning: " + warning).c_str());
     }
     if (outcome.error || arguments_.json || isatty(STDERR_FILENO) != 1) return;
     std::fprintf(stderr, "%s\n",
@@ -162,8 +161,8 @@ void run_batch(const Arguments& arguments, const std::stop_token& stop) {
   for (size_t i = 0; i < batch.outcomes().size(); ++i) {
     const auto& error = batch.outcomes()[i].error;
     if (!error) continue;
-    std::fprintf(stderr, "voxel: %s: %s\n", arguments.batch[i].input.c_str(),
-                 printable(error->what()).c_str());
+    const std::string line = arguments.batch[i].input + ": " + error->what();
+    std::fprintf(stderr, "voxel: %s\n", printable(line).c_str());
     if (!first) first = error;
     ++count;
   }

@@ -50,7 +50,7 @@ void tell_warnings(const Arguments& arguments, const client::JobInfo& job) {
 std::string result_line(const std::string& output, const client::JobInfo& job, std::int64_t bytes,
                         double seconds) {
   const Json meta = parsed(job.meta_json);
-  std::string text = output + ": ";
+  std::string text = printable(output) + ": ";
   if (meta.is_object() && meta.contains("width") && meta.contains("height")) {
     text += meta["width"].dump() + " x " + meta["height"].dump() + " pixels, ";
   } else if (meta.is_object()) {
