@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -30,22 +32,15 @@ using Json = nlohmann::json;
 constexpr size_t kNamesShown = 8;  // of materials and animations; --json has all
 
 std::vector<std::byte> read_whole(const std::string& path) {
-  std::ifstream file;
-  if (path != "-") {
-    file.open(path, std::ios::binary);
-    if (!file) throw Error("file", 0, path + ": cannot be opened");
-  }
+  std::ifstream file(path, std::ios::binary);
   std::vector<std::byte> bytes;
-  const auto read = [&](std::span<char> buffer) {
-    if (path == "-") return std::fread(buffer.data(), 1, buffer.size(), stdin);
-    file.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    return static_cast<size_t>(file.gcount());
-  };
   std::vector<char> buffer(1 << 20);
-  while (const size_t count = read(buffer)) {
-    const auto piece = std::as_bytes(std::span(buffer).first(count));
+  while (file) {
+    file.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    const auto piece = std::as_bytes(std::span(buffer).first(static_cast<size_t>(file.gcount())));
     bytes.insert(bytes.end(), piece.begin(), piece.end());
   }
+  if (!file.is_open() || file.bad()) throw Error("file", 0, path + ": " + std::strerror(errno));
   return bytes;
 }
 

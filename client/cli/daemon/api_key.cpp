@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 
 #include "client/include/voxeld/client.h"
 
@@ -20,7 +19,8 @@ std::string variable(const char* name) {
 // `name`: what named the file.
 std::string read_key(const std::string& name, const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  std::string text;
+  std::getline(file, text, '\0');  // an iterator of the buffer would throw for a folder
   if (!file.is_open() || file.bad()) {
     throw client::Error("file", 0, name + ": " + path + ": " + std::strerror(errno));
   }

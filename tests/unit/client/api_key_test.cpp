@@ -115,6 +115,9 @@ TEST(ApiKey, a_file_without_a_key_is_named_in_the_error) {
   std::ofstream(path) << "\n";
   EXPECT_EQ(std::string(error_of([] { cli::api_key(""); }).what()),
             "VOXELD_KEY_FILE: " + path + " is empty");
+  const Variable folder("VOXELD_KEY_FILE", dir.path().string());
+  EXPECT_EQ(std::string(error_of([] { cli::api_key(""); }).what()),
+            "VOXELD_KEY_FILE: " + dir.path().string() + ": Is a directory");
 }
 
 TEST(ApiKey, texts_that_are_printed_lose_their_keys) {

@@ -242,6 +242,19 @@ TEST_F(Commands, info_of_a_damaged_container_names_the_file_and_asks_no_daemon) 
   }
 }
 
+TEST_F(Commands, info_of_a_container_that_cannot_be_read_says_why) {
+  Arguments info;
+  info.command = Arguments::Command::kInfo;
+  info.input = folder_ / "c.voxg";
+  const client::Error missing = error_of([&] { run_command(info, {}); });
+  EXPECT_EQ(missing.code(), "file");
+  EXPECT_EQ(missing.what(), info.input + ": No such file or directory");
+  fs::create_directory(info.input);
+  const client::Error folder = error_of([&] { run_command(info, {}); });
+  EXPECT_EQ(folder.code(), "file");
+  EXPECT_EQ(folder.what(), info.input + ": Is a directory");
+}
+
 TEST_F(Commands, an_interrupt_while_another_ones_job_is_waited_for_leaves_it_alone) {
   ScriptedServer server(
       {CannedResponse{.status = 304, .delay = test::kTooLate}, job_response("cancelled")});
