@@ -140,8 +140,9 @@ void JobBoard::changed(const std::string& id, int64_t version, bool running) {
     const auto found = entries_.find(id);
     if (found == entries_.end()) return;
     Entry& entry = *found->second;
+    // A job that was put back may run again before this is told of it.
+    if (version >= entry.version) entry.running = running;
     entry.version = std::max(entry.version, version);
-    entry.running = running;
     wakers = wakers_of(entry, JobChange::kState);
     drop_if_idle(id);
   }

@@ -40,7 +40,8 @@ class JobBoard {
   void tiles_kept(const std::string& id);
   // The highest version that anybody may have seen of a running job; 0 when it is not running.
   int64_t live_version(const std::string& id) const;
-  // The job's stored state has changed; `running` is false when it ended or was put back.
+  // The job's stored state has changed; `running` is false when it ended or was put back. A change
+  // that is told after the next claim does not end that one's progress.
   void changed(const std::string& id, int64_t version, bool running);
   // Adds progress to a status that was read from the database.
   void overlay(JobStatus& status) const;

@@ -124,6 +124,17 @@ TEST_F(JobBoardTest, a_cancel_is_remembered_with_its_age) {
   EXPECT_EQ(board_.cancel_age_seconds("j-1"), 0.25);
 }
 
+TEST_F(JobBoardTest, an_attempt_that_is_told_to_have_ended_late_does_not_end_the_next_one) {
+  board_.start("j-1", 2);
+  board_.start("j-1", 4);  // another worker has claimed it since it was put back as version 3
+  board_.changed("j-1", 3, false);
+  EXPECT_EQ(board_.live_version("j-1"), 4);
+  board_.request_cancel("j-1");
+  EXPECT_EQ(board_.cancel_age_seconds("j-1"), 0);
+  board_.changed("j-1", 5, false);
+  EXPECT_EQ(board_.live_version("j-1"), 0);
+}
+
 TEST_F(JobBoardTest, frames_are_counted_by_reports_and_by_listings) {
   JobStatus status;
   status.id = "j-1";
