@@ -33,17 +33,17 @@ void TimeSlices::begin_task(const SliceTask& task) {
   if (config_.cpu_seconds) started->cpu_seconds = config_.cpu_seconds(task.pid);
   MutexLock lock(mutex_);
   devices_[task.device];  // there from now on
-  tasks_[task.id] = std::move(started);
+  Task& place = tasks_[task.id];
+  if (place != nullptr) end(*place);  // a lost attempt, whose end is told after the next claim
+  place = std::move(started);
+  grant_free();
 }
 
 void TimeSlices::end_task(std::string_view id, int64_t fence) {
   MutexLock lock(mutex_);
   const Task task = find(id, fence);
   if (task == nullptr) return;
-  end_slice(*task);
-  charge_cpu(*task);
-  task->has_ended = true;
-  task->changed.notify_all();
+  end(*task);
   tasks_.erase(tasks_.find(id));
   grant_free();
 }
@@ -221,6 +221,13 @@ void TimeSlices::charge_cpu(Started& task) {
   device.finish[tenant] = tag_of(device, tenant) + seconds / static_cast<double>(weight_of(tenant));
   device.shares.charge(tenant, seconds, weight_of(tenant));
   if (config_.charged_cpu) config_.charged_cpu(task.task, used);
+}
+
+void TimeSlices::end(Started& task) {
+  end_slice(task);
+  charge_cpu(task);
+  task.has_ended = true;
+  task.changed.notify_all();
 }
 
 void TimeSlices::end_slice(Started& task) {

@@ -87,6 +87,7 @@ class TimeSlices {
   explicit TimeSlices(TimeSlicesConfig config) : config_(std::move(config)) {}
 
   // --- the gateway's side
+  // An earlier attempt at the task that has not ended ends now.
   void begin_task(const SliceTask& task) EXCLUDES(mutex_);
   // Gives back its time slice and memory, and ends its waiting calls with kFenced.
   void end_task(std::string_view id, int64_t fence) EXCLUDES(mutex_);
@@ -148,6 +149,8 @@ class TimeSlices {
   Outcome wait(const Task& task, MutexLock& lock, const Stop& stop) REQUIRES(mutex_);
   // Charges the CPU time since the last call; within a time slice it is part of the time slice.
   void charge_cpu(Started& task) REQUIRES(mutex_);
+  // Ends the task's time slice, charges it, and fences its waiting calls.
+  void end(Started& task) REQUIRES(mutex_);
   // Ends the time slice of a task that has one, and charges it.
   void end_slice(Started& task) REQUIRES(mutex_);
   // Grants the time slice of every device that is free.

@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "server/base/clock.h"
@@ -222,6 +223,20 @@ TEST_F(TimeSlicesTest, a_task_that_ends_fences_its_waiting_call_and_releases_its
   next.join();
   EXPECT_EQ(*slices_->take("holder", 1, {}, {}), Outcome::kFenced);
   EXPECT_EQ(*slices_->take("next", 7, {}, {}), Outcome::kFenced);
+}
+
+TEST_F(TimeSlicesTest, a_task_that_begins_again_gives_back_the_slice_of_its_lost_attempt) {
+  begin("lost", "a");
+  begin("next", "b");
+  ASSERT_EQ(take("lost"), Outcome::kGranted);
+  slices_->begin_task({"lost", 2, "cpu", "a", 0, 0, ++seq_, pid_});
+  bool was_asked = false;
+  const auto stop_if_not_free = [&was_asked] { return std::exchange(was_asked, true); };
+  EXPECT_EQ(*slices_->take("next", 1, {}, stop_if_not_free), Outcome::kGranted);
+  slices_->end_task("lost", 1);  // told late: the attempt that runs has not ended
+  EXPECT_EQ(*slices_->take("lost", 1, {}, {}), Outcome::kFenced);
+  slices_->give("next", 1);
+  EXPECT_EQ(*slices_->take("lost", 2, {}, {}), Outcome::kGranted);
 }
 
 TEST_F(TimeSlicesTest, a_deadline_that_passes_ends_the_wait) {
