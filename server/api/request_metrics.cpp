@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "server/base/log.h"
+#include "server/jobs/model/tenant_labels.h"
 
 namespace voxeld::api {
 namespace {
@@ -45,10 +46,9 @@ struct RequestMetrics::Impl {
                   .Help("Open connections, requests on a thread, requests that wait, event streams")
                   .Register(registry)) {}
 
-  // Tenants are those of valid keys, so they are few.
   void add_bytes(const char* direction, const std::string& tenant, int64_t count) {
     prometheus::Labels labels = {{"direction", direction}};
-    if (!tenant.empty()) labels["tenant"] = tenant;
+    if (!tenant.empty()) labels["tenant"] = tenants.of(tenant);
     bytes.Add(labels).Increment(static_cast<double>(count));
   }
 
@@ -56,6 +56,7 @@ struct RequestMetrics::Impl {
   prometheus::Family<prometheus::Histogram>& seconds;
   prometheus::Family<prometheus::Counter>& bytes;
   prometheus::Family<prometheus::Gauge>& state;
+  TenantLabels tenants;
 };
 
 RequestMetrics::RequestMetrics(const std::shared_ptr<prometheus::Registry>& registry) {

@@ -5,12 +5,11 @@
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
 
-#include <set>
 #include <utility>
 
 #include "proto/version.h"
 #include "server/base/algorithm_version.h"
-#include "server/base/thread_annotations.h"
+#include "server/jobs/model/tenant_labels.h"
 
 namespace voxeld {
 namespace {
@@ -22,8 +21,6 @@ using prometheus::Counter;
 using prometheus::Family;
 using prometheus::Gauge;
 using prometheus::Histogram;
-
-constexpr size_t kTenantLabelsMax = 200;
 
 // Seconds: from a small mesh on a GPU to a large one in software.
 prometheus::Histogram::BucketBoundaries seconds_buckets() {
@@ -175,18 +172,7 @@ struct JobMetrics::Impl {
   Family<Gauge>& device_memory;
   Family<Gauge>& device_degraded;
 
-  // Tenants are names that whoever runs the daemon gave; those of a year may still be many, and
-  // each is a time series for ever.
-  std::string tenant_label(const std::string& tenant) {
-    MutexLock lock(mutex);
-    if (tenants.contains(tenant) || tenants.size() < kTenantLabelsMax) {
-      tenants.insert(tenant);
-      return tenant;
-    }
-    return "(other)";
-  }
-  Mutex mutex;
-  std::set<std::string> tenants GUARDED_BY(mutex);
+  TenantLabels tenants;
 };
 
 JobMetrics::JobMetrics(std::shared_ptr<prometheus::Registry> registry) {
@@ -208,20 +194,20 @@ void JobMetrics::claimed(const JobStatus& status) {
 
 void JobMetrics::waited(const std::string& tenant, double seconds) {
   if (!impl_) return;
-  impl_->queue_wait.Add({{"tenant", impl_->tenant_label(tenant)}}, seconds_buckets())
+  impl_->queue_wait.Add({{"tenant", impl_->tenants.of(tenant)}}, seconds_buckets())
       .Observe(seconds);
 }
 
 void JobMetrics::had_slice(const std::string& device, const std::string& tenant, double seconds) {
   if (!impl_) return;
-  impl_->device_seconds.Add({{"device", device}, {"tenant", impl_->tenant_label(tenant)}})
+  impl_->device_seconds.Add({{"device", device}, {"tenant", impl_->tenants.of(tenant)}})
       .Increment(seconds);
   impl_->slice_seconds.Add({{"device", device}}, seconds_buckets()).Observe(seconds);
 }
 
 void JobMetrics::used_cpu(const std::string& tenant, double seconds) {
   if (!impl_) return;
-  impl_->cpu_seconds.Add({{"tenant", impl_->tenant_label(tenant)}}).Increment(seconds);
+  impl_->cpu_seconds.Add({{"tenant", impl_->tenants.of(tenant)}}).Increment(seconds);
 }
 
 void JobMetrics::requeued(const JobStatus& status) {
@@ -230,7 +216,7 @@ void JobMetrics::requeued(const JobStatus& status) {
 
 void JobMetrics::preempted(const JobStatus& status, const std::string& tenant) {
   if (!impl_) return;
-  impl_->preempted.Add({{"tenant", impl_->tenant_label(tenant)}, {"kind", kind_of(status)}})
+  impl_->preempted.Add({{"tenant", impl_->tenants.of(tenant)}, {"kind", kind_of(status)}})
       .Increment();
 }
 
@@ -238,7 +224,7 @@ void JobMetrics::ended(const JobStatus& status, const std::string& tenant,
                        const std::string& device) {
   if (!impl_) return;
   const std::string outcome = status.cached ? "cached" : std::string(job_state_name(status.state));
-  const std::string label = impl_->tenant_label(tenant);
+  const std::string label = impl_->tenants.of(tenant);
   impl_->ended.Add({{"tenant", label}, {"kind", kind_of(status)}, {"outcome", outcome}})
       .Increment();
   impl_->preempted.Add({{"tenant", label}, {"kind", kind_of(status)}});  // as with requeued

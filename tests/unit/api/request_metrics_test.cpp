@@ -100,7 +100,8 @@ std::string requests(const std::string& route, int status) {
 
 class RequestMetricsTest : public ::testing::Test {
  protected:
-  void record(const std::string& route, int status, double ms, int64_t in = 0, int64_t out = 0) {
+  void record(const std::string& route, int status, double ms, int64_t in = 0, int64_t out = 0,
+              const std::string& tenant = "") {
     Head head;
     head.method = "GET";
     head.path = "/x";
@@ -110,6 +111,7 @@ class RequestMetricsTest : public ::testing::Test {
     exchange.ms = ms;
     exchange.bytes_in = in;
     exchange.bytes_out = out;
+    exchange.tenant = tenant;
     metrics_.record(exchange, route);
   }
   std::string text() const { return prometheus::TextSerializer().Serialize(registry_->Collect()); }
@@ -134,6 +136,15 @@ TEST_F(RequestMetricsTest, exchanges_are_counted_by_route_and_status) {
   EXPECT_EQ(samples.at(histogram + "_count{" + label + "}"), 3);
   EXPECT_NEAR(samples.at(histogram + "_sum{" + label + "}"), 0.506, 1e-9);
   EXPECT_EQ(samples.at(histogram + "_bucket{" + label + ",le=\"0.01\"}"), 2);
+}
+
+TEST_F(RequestMetricsTest, after_200_tenants_there_are_no_more_labels) {
+  for (int i = 0; i < 202; ++i) record("/a", 200, 1, 10, 1, "t" + std::to_string(i));
+  const Samples samples = parse(text());
+  const std::string in = "voxeld_http_bytes_total{direction=\"in\",tenant=";
+  EXPECT_EQ(samples.at(in + "\"t199\"}"), 10);
+  EXPECT_EQ(samples.at(in + "\"(other)\"}"), 20);
+  EXPECT_EQ(samples.count(in + "\"t200\"}"), 0u);
 }
 
 TEST(ProcessMetrics, tell_of_this_process) {
