@@ -69,14 +69,16 @@ constexpr std::string_view kForgettable =
     "                 WHERE b.asset = a.id AND b.tenant = a.tenant AND n.asset_tenant = a.tenant"
     "                 AND n.asset <> '' AND n.state IN ('queued', 'running'))))";
 
-Status forget_assets(SqlConnection& connection, int64_t aged_before_ms) {
-  static const std::string old =
-      " (SELECT id, tenant FROM assets a WHERE deleted_ms <> 0 AND aged_ms <> 0 AND aged_ms < $1"
-      " AND " +
-      std::string(kForgettable) + " ORDER BY aged_ms LIMIT $2)";
-  VOXELD_TRY(connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + old,
-                            aged_before_ms, kBatch));
-  return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + old, aged_before_ms, kBatch);
+// Removes a batch of the deleted assets of which `condition` on $1 is true, by the column `order`.
+template <typename Value>
+Status forget_assets(SqlConnection& connection, std::string_view condition, std::string_view order,
+                     const Value& value) {
+  const std::string which = " (SELECT id, tenant FROM assets a WHERE deleted_ms <> 0 AND " +
+                            std::string(condition) + " AND " + std::string(kForgettable) +
+                            " ORDER BY " + std::string(order) + " LIMIT $2)";
+  VOXELD_TRY(connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + which, value,
+                            kBatch));
+  return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + which, value, kBatch);
 }
 
 // Whether the database knows a blob that nothing needs: it was deleted, or it expired.
@@ -293,7 +295,7 @@ Result<int64_t> Retention::trim_jobs(int64_t aged_before_ms, int64_t count_max) 
     for (const std::string& job : jobs) {
       VOXELD_TRY(forget_job(connection, job, Expiry::kAged, ids));
     }
-    return forget_assets(connection, aged_before_ms);
+    return forget_assets(connection, "aged_ms <> 0 AND aged_ms < $1", "aged_ms", aged_before_ms);
   });
   VOXELD_TRY(committed);
   VOXELD_TRY(remove(ids));
@@ -337,11 +339,7 @@ Result<int64_t> Retention::trim_records_of(std::string_view tenant) {
       VOXELD_TRY(forget_job(connection, job, Expiry::kAged, ids));
     }
     if (!jobs.empty()) return {};
-    VOXELD_TRY(
-        connection.run("DELETE FROM assets WHERE tenant = $1 AND id IN"
-                       " (SELECT id FROM assets a WHERE tenant = $1 AND deleted_ms <> 0 AND " +
-                           std::string(kForgettable) + " ORDER BY deleted_ms LIMIT $2)",
-                       tenant, kBatch));
+    VOXELD_TRY(forget_assets(connection, "tenant = $1", "deleted_ms", tenant));
     assets = connection.changes();
     return {};
   });

@@ -284,6 +284,20 @@ TEST_F(RetentionTest, what_remembers_deleted_assets_is_a_record_of_its_tenant) {
   EXPECT_TRUE(assets_.get(Caller::open(), kept));
 }
 
+TEST_F(RetentionTest, the_record_of_a_deleted_bundle_goes_with_the_rows_of_its_files) {
+  const Caller lab = Caller::tenant("lab", false), studio = Caller::tenant("studio", false);
+  const std::string mesh = put_blob("mesh"), bundle = put_blob("manifest");
+  for (const Caller& caller : {lab, studio}) {
+    ASSERT_TRUE(assets_.put(caller, {mesh, 4}, "a.ply", "", 0));
+    ASSERT_TRUE(assets_.put_bundle(caller, {bundle, 8}, "a.bundle.json",
+                                   {BundleFile{"a.ply", mesh}}, 0));
+  }
+  ASSERT_TRUE(assets_.mark_deleted(lab, bundle));
+  EXPECT_EQ(retention_.trim_records(1).value(), 1);
+  EXPECT_EQ(count("bundle_files WHERE tenant = 'lab'"), 0);
+  EXPECT_EQ(count("bundle_files WHERE tenant = 'studio'"), 1);
+}
+
 TEST_F(RetentionTest, frames_of_failed_jobs_expire) {
   submit(put_asset("mesh"));
   const JobRecord record = jobs_.claim("cpu").value().value();
