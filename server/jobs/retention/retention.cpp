@@ -16,7 +16,8 @@ constexpr int64_t kBatch = 64;
 // Uses that are remembered between two flushes; more are forgotten, which makes a result a little
 // older than it is.
 constexpr size_t kTouchedMax = 50'000;
-// A result that is used all the time is noted so often. Ages are days.
+// A result that is used all the time is noted so often. Ages are days. A last use that is more than
+// this ahead was noted before the system's clock was set back.
 constexpr int64_t kUsePrecisionMs = int64_t{10} * 60 * 1000;
 
 // How a result needs the blob $1.
@@ -126,10 +127,10 @@ Status Retention::note_use(const std::string& id, std::string_view uses, int64_t
     {
       VOXELD_ASSIGN(Database::Lease reader, database_.read());
       VOXELD_ASSIGN(SqlStatement found,
-                    reader->query("SELECT seq FROM results WHERE expired_ms = 0 AND used_ms < $2"
-                                  " AND " +
-                                      std::string(uses) + " LIMIT $3",
-                                  id, at_ms - kUsePrecisionMs, kBatch));
+                    reader->query("SELECT seq FROM results WHERE expired_ms = 0"
+                                  " AND used_ms NOT BETWEEN $2 AND $3 AND " +
+                                      std::string(uses) + " LIMIT $4",
+                                  id, at_ms - kUsePrecisionMs, at_ms + kUsePrecisionMs, kBatch));
       while (true) {
         VOXELD_ASSIGN(const bool row, found.step());
         if (!row) break;
@@ -139,8 +140,7 @@ Status Retention::note_use(const std::string& id, std::string_view uses, int64_t
     if (rows.empty()) return {};
     Status committed = database_.write([&](SqlConnection& connection) -> Status {
       for (const int64_t seq : rows) {
-        VOXELD_TRY(connection.run("UPDATE results SET used_ms = $1 WHERE used_ms < $1 AND seq = $2",
-                                  at_ms, seq));
+        VOXELD_TRY(connection.run("UPDATE results SET used_ms = $1 WHERE seq = $2", at_ms, seq));
       }
       return {};
     });

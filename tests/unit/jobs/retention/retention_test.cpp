@@ -152,6 +152,18 @@ TEST_F(RetentionTest, a_use_is_noted_where_the_last_one_is_older_than_ten_minute
   EXPECT_EQ(count("results WHERE used_ms >= " + now), 1);
 }
 
+TEST_F(RetentionTest, a_use_is_noted_after_the_clock_was_set_back) {
+  const std::string blob = made("mesh", "made").result->blob;
+  ASSERT_TRUE(sql("UPDATE results SET used_ms = used_ms + 86400000"));
+  age_all();
+  ASSERT_EQ(count("results WHERE aged_ms = 1"), 1);
+  const std::string now = std::to_string(unix_time_ms());
+  retention_.touch(blob);
+  ASSERT_TRUE(retention_.flush());
+  EXPECT_EQ(count("results WHERE aged_ms = 0"), 1) << "it is as young as its last use";
+  EXPECT_EQ(count("results WHERE used_ms < " + now + " + 43200000"), 1);
+}
+
 TEST_F(RetentionTest, no_more_results_go_than_make_the_room_that_is_wanted) {
   for (const char* text : {"one", "two", "three"}) made("mesh", text);
   ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
