@@ -11,7 +11,8 @@ namespace voxeld {
 namespace {
 
 // Progress is not stored, so after a crash the database does not know how far a running job's
-// version had got. Ten events a second for three years are fewer than this.
+// version had got. A queued job may have run, too: power loss undoes claims. Ten events a second
+// for three years are fewer than this.
 constexpr int64_t kVersionJump = 1'000'000'000;
 
 }  // namespace
@@ -89,6 +90,8 @@ Result<int64_t> JobStore::recover(int64_t stopped_ms) {
         connection.run("UPDATE jobs SET deadline_ms = deadline_ms + $1"
                        " WHERE state IN ('queued', 'running') AND deadline_ms <> $2",
                        stopped_ms, kNoDeadline));
+    VOXELD_TRY(connection.run("UPDATE jobs SET version = version + $1 WHERE state = 'queued'",
+                              kVersionJump));
     std::vector<std::string> ids;
     {
       VOXELD_ASSIGN(SqlStatement rows,

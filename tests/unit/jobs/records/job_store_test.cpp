@@ -388,6 +388,16 @@ TEST_F(JobStoreTest, what_an_earlier_process_left_running_is_queued_again_in_its
   EXPECT_EQ(get(second).queue_position, 1);
 }
 
+// Power loss may have undone its claim, and watchers have seen versions of the progress after that.
+TEST_F(JobStoreTest, after_a_restart_nobody_has_seen_the_version_of_a_waiting_job) {
+  const std::string id = submit(request(put_asset("mesh"))).status.id;
+  open();
+  EXPECT_EQ(store_->recover(0).value(), 0) << "it only waits";
+  const int64_t version = get(id).version;
+  EXPECT_GT(version, 1'000'000);
+  EXPECT_EQ(claim().status.version, version + 1);
+}
+
 TEST_F(JobStoreTest, a_deadline_passes_by_its_own_clock) {
   JobRequest due = request(put_asset("mesh"));
   due.deadline_ms = 3'600'000;
