@@ -142,26 +142,29 @@ MemoryInfo Context::memory() const {
 }
 
 Status Context::check(std::string_view where) const {
-  // The robustness extension reports each error once, but later callers must get it too.
-  if (is_lost_) {
+  const auto lost = [&] {
     return Error{ErrorCode::kDeviceUnavailable,
                  std::string(where) + ": " + device_name(info_.device) + " (" + info_.renderer +
                      "): the device was reset",
                  "", ""};
-  }
+  };
+  // The robustness extension reports each error once, but later callers must get it too.
+  if (is_lost_) return lost();
   const GLenum error = gl_.GetError();
-  if (error == GL_NO_ERROR) return {};
-  // Errors queue up. The first is the cause; the others must not be blamed on a later pass. A lost
-  // context reports GL_CONTEXT_LOST for ever, so the loop is bounded.
+  // A driver may notice a reset only when it is asked. Until then commands report no error, but
+  // what they read is not what was computed.
+  const GLenum reset = gl_.GetGraphicsResetStatus();
+  if (error == GL_NO_ERROR && reset == GL_NO_ERROR) return {};
+  if (error == GL_CONTEXT_LOST || reset != GL_NO_ERROR) {
+    is_lost_ = true;
+    return lost();
+  }
+  // Errors queue up. The first is the cause; the others must not be blamed on a later pass. A
+  // context that is lost meanwhile reports GL_CONTEXT_LOST for ever, so the loop is bounded.
   for (int i = 0; i < 16 && gl_.GetError() != GL_NO_ERROR; ++i) {
   }
   const std::string detail = std::string(where) + ": " + gl_error_name(error) + " on " +
                              device_name(info_.device) + " (" + info_.renderer + ")";
-  const GLenum reset = gl_.GetGraphicsResetStatus();
-  if (error == GL_CONTEXT_LOST || reset != GL_NO_ERROR) {
-    is_lost_ = true;
-    return Error{ErrorCode::kDeviceUnavailable, detail + ": the device was reset", "", ""};
-  }
   if (error == GL_OUT_OF_MEMORY) {
     return Error{ErrorCode::kDeviceUnavailable, detail + ": out of device memory", "", ""};
   }

@@ -40,8 +40,9 @@ class Context {
   bool is_debug() const { return is_debug_; }
 
   // Checks for a GL error: aborts (CHECK) in debug contexts, otherwise returns internal or
-  // device-unavailable with the error's name and `where`. Call it at the end of a pass, not after
-  // every call. A context that was lost stays lost.
+  // device-unavailable with the error's name and `where`. A reset of the device is one, too, also
+  // if no call reports it. Call it at the end of a pass, not after every call. A context that was
+  // lost stays lost.
   Status check(std::string_view where) const;
 
   // Memory of the whole device, by GL_NVX_gpu_memory_info or GL_ATI_meminfo.

@@ -126,6 +126,25 @@ TEST(Context, a_lost_context_stays_lost) {
   EXPECT_EQ(context.memory().bytes_total, 0);
 }
 
+// A driver that has reset the device, of which no call tells.
+class ResetContext final : public Context {
+ public:
+  ResetContext() {
+    gl_.GetError = []() -> GLenum { return GL_NO_ERROR; };
+    gl_.GetGraphicsResetStatus = []() -> GLenum { return GL_INNOCENT_CONTEXT_RESET; };
+  }
+  Status make_current() const override { return {}; }
+};
+
+TEST(Context, a_reset_of_which_no_call_tells_is_an_error) {
+  const ResetContext context;
+  const Status status = context.check("raster pass");
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kDeviceUnavailable);
+  EXPECT_THAT(status.error().message(), StartsWith("raster pass: "));
+  EXPECT_THAT(status.error().message(), HasSubstr("the device was reset"));
+}
+
 TEST(Context, software_drivers_tell_no_memory_of_a_device_or_a_sound_number) {
   const MemoryInfo memory = test_context().memory();
   EXPECT_GE(memory.bytes_total, memory.bytes_free);
