@@ -50,6 +50,10 @@ struct GlRenderer::Impl {
   Status upload_params(const RenderOptions& options, int samples);
   void bind_grid() const;
   Status upload(gpu::Buffer& buffer, std::vector<uint32_t>& words, std::string_view label);
+  Status upload(PackedGrid& packed);
+  void free_tables() {
+    for (gpu::Buffer* table : {&nodes, &bricks, &colors, &normals}) *table = gpu::Buffer();
+  }
   Status draw_block(int x, int y, int width, int height) const;
   Status draw(const RenderOptions& options, int samples, const gpu::Defines& defines,
               const gpu::Framebuffer& target, const BlockProgress& progress);
@@ -67,20 +71,28 @@ void GlRenderer::set_quality(const RenderQuality& quality) {
 
 Status GlRenderer::Impl::upload(gpu::Buffer& buffer, std::vector<uint32_t>& words,
                                 std::string_view label) {
-  buffer = gpu::Buffer();
   VOXELD_ASSIGN(buffer, gpu::Buffer::create(context, words.size() * sizeof(uint32_t), label));
   buffer.upload<uint32_t>(0, words);
   words = {};
   return context.check("uploading " + std::string(label));
 }
 
+Status GlRenderer::Impl::upload(PackedGrid& packed) {
+  VOXELD_TRY(upload(nodes, packed.nodes, "ray march tables"));
+  VOXELD_TRY(upload(bricks, packed.bricks, "ray march bricks"));
+  VOXELD_TRY(upload(colors, packed.colors, "ray march colours"));
+  return upload(normals, packed.normals, "ray march normals");
+}
+
 Status GlRenderer::set_grid(const Grid& grid) {
   Impl& impl = *impl_;
   VOXELD_ASSIGN(PackedGrid packed, pack_grid(grid));
-  VOXELD_TRY(impl.upload(impl.nodes, packed.nodes, "ray march tables"));
-  VOXELD_TRY(impl.upload(impl.bricks, packed.bricks, "ray march bricks"));
-  VOXELD_TRY(impl.upload(impl.colors, packed.colors, "ray march colours"));
-  VOXELD_TRY(impl.upload(impl.normals, packed.normals, "ray march normals"));
+  impl.free_tables();  // first, so that two grids need not fit at once
+  Status uploaded = impl.upload(packed);
+  if (!uploaded) {
+    impl.free_tables();  // others may have the memory until the next grid comes
+    return uploaded;
+  }
   impl.grid = std::move(packed);
   return {};
 }

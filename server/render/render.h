@@ -46,8 +46,9 @@ class Renderer {
  public:
   virtual ~Renderer() = default;
 
-  // Loads the grid, which stays resident until the next call. Errors: grid-too-large with bytes and
-  // the device's limit.
+  // Loads the grid, which stays resident until the next call. After an error of the device there is
+  // none. Errors: grid-too-large with bytes and the device's limit, internal and device-unavailable
+  // with the driver's words.
   virtual Status set_grid(const Grid& grid) = 0;
   // The largest size of one of a grid's tables; SIZE_MAX if memory alone is the limit.
   virtual size_t table_bytes_max() const { return SIZE_MAX; }

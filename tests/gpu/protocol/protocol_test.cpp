@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "server/base/cancel_point.h"
+#include "server/render/gl_renderer.h"
 #include "tests/gpu/protocol/checked_context.h"
 #include "tests/gpu/voxel/pipelines.h"
 
@@ -214,6 +215,27 @@ TEST_P(Protocol, a_device_without_64_bit_integers_makes_the_same_grids) {
   EXPECT_TRUE(grid->tiles == expected_.tiles);
   EXPECT_EQ(stats.device_failure, "");
   EXPECT_EQ(stats.pipeline, GetParam().channels.any() ? Pipeline::kCpu : Pipeline::kCompute);
+}
+
+TEST(RendererProtocol, a_grid_that_does_not_fit_leaves_none_of_its_tables_on_the_device) {
+  gpu::CheckedContext context(gpu::test_context());
+  gpu::ShaderLibrary shaders(context);
+  GlRenderer renderer(context, shaders);
+  const std::vector<std::string> before = context.existing();
+  Grid grid;
+  grid.spec.dims = {8, 8, 8};
+  context.reset_counts();
+  ASSERT_TRUE(renderer.set_grid(grid).ok());
+  const int64_t checks = context.counts().error_checks;
+  ASSERT_GT(checks, 0);
+  for (int64_t check = 0; check < checks; ++check) {
+    context.fail_check(check);
+    EXPECT_FALSE(renderer.set_grid(grid).ok()) << check;
+    EXPECT_EQ(context.existing(), before) << check;
+  }
+  context.fail_no_check();
+  EXPECT_TRUE(renderer.set_grid(grid).ok());
+  EXPECT_THAT(context.violations(), IsEmpty());
 }
 
 // The checks themselves: each broken rule is found.
