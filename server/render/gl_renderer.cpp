@@ -17,6 +17,36 @@ namespace {
 // neighbourhood (octants, each of up to eight entries) and squarings.
 constexpr int kShadingSteps = 1 + 2 * (17 + 8) + 27 * 9 + 3;
 
+// The most rays of a block. A draw can neither be cancelled nor give its time slice back, so it
+// must be short. A GPU draws whole blocks in the defaults of each style. A software driver takes
+// twice as long as the CPU, whose times are in docs/performance.md.
+constexpr int64_t kBlockRaysMax = int64_t{1} << 25, kSoftwareBlockRaysMax = int64_t{1} << 19;
+constexpr int kBlockRowsMin = 4;
+
+// Rays of a sample. An outline compares four points.
+int looks_of(const RenderOptions& options) {
+  return options.style == Style::kBlueprint ? 4 : 1;
+}
+
+// The most rays of a pixel: to what it shows, and from there or from the ground to light.
+int64_t pixel_rays_max(const RenderOptions& options, int samples_per_side) {
+  const int samples = samples_per_side * samples_per_side;
+  int64_t rays = int64_t{looks_of(options)} * samples;
+  if (options.occlusion) rays += std::max(RAYMARCH_OCCLUSION_RAYS, 4 * samples);
+  if (options.shadow) rays += std::max(RAYMARCH_SHADOW_RAYS, 2 * samples);
+  if (options.ground) rays += 2 * std::max(RAYMARCH_GROUND_RAYS, 4 * samples);
+  return rays;
+}
+
+// Rows of a block: fewer, the more rays its pixels have.
+int block_rows(const RenderOptions& options, int samples_per_side, int64_t rays_max) {
+  const int64_t row_rays =
+      std::min(options.width, kImageBlockSide) * pixel_rays_max(options, samples_per_side);
+  int rows = kImageBlockSide;
+  while (rows > kBlockRowsMin && rows * row_rays > rays_max) rows /= 2;
+  return rows;
+}
+
 // The most loop iterations of all secondary rays of a hit.
 int64_t light_steps_max(const RenderOptions& options, int samples_per_side) {
   const int samples = samples_per_side * samples_per_side;
@@ -103,9 +133,7 @@ size_t GlRenderer::table_bytes_max() const {
 
 Result<int> GlRenderer::Impl::samples_per_side(const RenderOptions& options) const {
   const int64_t loop_max = context.info().loop_iterations_max;
-  // An outline compares four points.
-  const int looks = options.style == Style::kBlueprint ? 4 : 1;
-  const int64_t steps = looks * (ray_steps_max(grid) + int64_t{kShadingSteps});
+  const int64_t steps = looks_of(options) * (ray_steps_max(grid) + int64_t{kShadingSteps});
   int side = wanted_samples(options, quality);
   if (loop_max == 0) return side;
   const auto needed = [&](int samples_per_side) {
@@ -189,8 +217,10 @@ Status GlRenderer::Impl::draw(const RenderOptions& options, int samples,
   vertices.bind();
   bind_grid();
   program->use();
+  const int rows = block_rows(
+      options, samples, context.info().is_software ? kSoftwareBlockRaysMax : kBlockRaysMax);
   return for_each_block(
-      options.width, options.height, progress,
+      options.width, options.height, rows, progress,
       [&](int x, int y, int width, int height) { return draw_block(x, y, width, height); });
 }
 

@@ -84,7 +84,7 @@ Result<RenderImage> CpuRenderer::render(const RenderOptions& options,
       }
     }
   };
-  VOXELD_TRY(for_each_block(options.width, options.height, progress,
+  VOXELD_TRY(for_each_block(options.width, options.height, kImageBlockSide, progress,
                             [&](int left, int bottom, int width, int height) -> Status {
                               for_each_rows(GroundCells::kSide, height, [&](int first, int rows) {
                                 draw_band(left, bottom + first, width, rows);
