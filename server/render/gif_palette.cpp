@@ -95,8 +95,12 @@ std::vector<Color> median_cut(std::span<const uint8_t> rgb) {
   while (boxes.size() < kColorsMax) {
     const auto worst = std::max_element(
         boxes.begin(), boxes.end(), [](const Box& a, const Box& b) { return a.error < b.error; });
+    if (worst->error <= 0.0) break;
     const size_t middle = split(cells, *worst);
-    if (middle == worst->begin || middle == worst->end) break;  // no box has an error
+    if (middle == worst->begin || middle == worst->end) {
+      worst->error = 0.0;  // within its cells, whose means are equal: other boxes have the room
+      continue;
+    }
     const Box upper(cells, middle, worst->end);
     *worst = Box(cells, worst->begin, middle);
     boxes.push_back(upper);

@@ -84,5 +84,21 @@ TEST(GifPalette, means_of_a_gradient_are_kept_and_white_stays_white) {
   }
 }
 
+// Most pixels are in two cells of the histogram, in each of which red varies around the same mean.
+TEST(GifPalette, a_part_that_cannot_be_split_leaves_the_other_colours_to_the_rest) {
+  std::vector<uint8_t> rgb;
+  for (int i = 0; i < 40'000; ++i) {
+    const auto red = static_cast<uint8_t>(240 + 7 * (i % 2));
+    const auto green = static_cast<uint8_t>(7 + i / 2 % 2);
+    rgb.insert(rgb.end(), {red, green, 0});
+  }
+  for (int i = 0; i < 400; ++i) {
+    const auto red = static_cast<uint8_t>(8 * (i % 20));
+    const auto green = static_cast<uint8_t>(8 * (i / 20));
+    rgb.insert(rgb.end(), {red, green, 255});
+  }
+  EXPECT_EQ(reduce_colors(rgb, 100).palette.size(), 256u);
+}
+
 }  // namespace
 }  // namespace voxeld
