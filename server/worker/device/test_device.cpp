@@ -110,6 +110,7 @@ Status test_opened(const SelfTestChild& child) {
     if (!found.has(part) || skipped.has(part)) continue;
     faults[std::string(device_part_name(part))] = found.why(part);
   }
+  if (!opened.check("after the self-test")) print_json_line({{"lost", true}});
   print_json_line({{"faults", faults}});
   return {};
 }
@@ -120,6 +121,7 @@ struct ChildStory {
   bool is_known = false;
   bool is_done = false;
   bool is_hung = false;
+  bool is_lost = false;  // the device was reset
   std::string reason;
   std::optional<DevicePart> part;  // of the last step
   std::string step;
@@ -140,6 +142,7 @@ void read_line(std::string_view line, ChildStory& story, DeviceFaults& faults) {
                  (*key)[2].get<std::string>(), kAlgorithmVersion};
   }
   if (object.contains("hung")) story.is_hung = true;
+  if (object.contains("lost")) story.is_lost = true;
   if (object.contains("known")) story.is_known = true;
   if (object.contains("reason")) story.reason = text_of(object, "reason");
   if (object.contains("step")) {
@@ -200,10 +203,17 @@ int test_device_main(const SelfTestChild& child) {
 SelfTestReport test_device(const SelfTestSettings& settings, const gpu::DeviceId& device) {
   const std::string name = gpu::device_name(device);
   SelfTestReport report;
-  for (size_t child = 0; child <= kDevicePartCount; ++child) {
+  bool was_lost = false;
+  for (size_t child = 0; child <= kDevicePartCount + 1; ++child) {
     const ChildReply reply =
         run_child(child_command(settings, name, report.faults), settings.timeout_each);
-    const ChildStory story = read_story(reply.text, report.faults);
+    DeviceFaults faults = report.faults;
+    const ChildStory story = read_story(reply.text, faults);
+    if (story.is_lost && !was_lost) {
+      was_lost = true;  // another process may have caused the reset, but hardly twice
+      continue;
+    }
+    report.faults = std::move(faults);
     if (story.is_known && story.key) {
       report.was_known = true;
       report.faults = find_self_test(settings.data_dir, name, *story.key).faults;

@@ -19,8 +19,8 @@ struct OpenedDevice;
 SelfTestKey self_test_key(const OpenedDevice& device);
 
 // The child. Prints lines of JSON: {"key": …}, {"known": true} or a {"part": …, "step": …} for each
-// step and {"faults": …} at the end, or {"hung": true} when a step does not end; {"reason": …} if
-// the device does not open.
+// step and {"faults": …} at the end, before it {"lost": true} if the device was reset, or
+// {"hung": true} when a step does not end; {"reason": …} if the device does not open.
 struct SelfTestChild {
   gpu::DeviceId device;
   std::string shader_dir;
@@ -51,7 +51,7 @@ struct SelfTestReport {
 };
 // Tests the device, unless its outcome is known, and keeps the outcome in the data directory. A
 // child that crashes or hangs in a step makes a fault of that step's part; another child then tests
-// the other parts.
+// the other parts. After the first reset of the device the test is repeated.
 SelfTestReport test_device(const SelfTestSettings& settings, const gpu::DeviceId& device);
 
 // The outcome that a worker on this device would use, for people: "agrees with the CPU", the

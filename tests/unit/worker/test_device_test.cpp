@@ -128,6 +128,23 @@ esac)");
               ::testing::MatchesRegex("raster: touch: no end after [0-9]+ s"));
 }
 
+TEST_F(TestDevice, a_device_that_another_process_has_reset_is_tested_once_more) {
+  const auto report = run("if [ $(wc -l <" + log_.string() + R"() -eq 1 ]; then echo '{"lost":true}'
+echo '{"faults":{"images":"voxel: the device was reset"}}'; else echo '{"faults":{}}'; fi)");
+  EXPECT_EQ(report.failure, "");
+  EXPECT_EQ(report.faults.text(), "");
+  EXPECT_TRUE(kept().found);
+  EXPECT_FALSE(kept().faults.any());
+}
+
+TEST_F(TestDevice, a_device_that_resets_each_time_has_the_faults) {
+  const auto report = run(R"(echo '{"lost":true}'
+echo '{"faults":{"images":"voxel: the device was reset"}}')");
+  EXPECT_EQ(report.failure, "");
+  EXPECT_EQ(report.faults.text(), "images: voxel: the device was reset");
+  EXPECT_EQ(kept().faults, report.faults);
+}
+
 TEST_F(TestDevice, a_device_that_does_not_open_has_no_outcome) {
   EXPECT_EQ(run(R"(echo '{"reason":"egl:0 does not exist"}')").failure, "egl:0 does not exist");
   EXPECT_EQ(run("kill -SEGV $$").failure, "the driver crashed: Segmentation fault");
