@@ -217,8 +217,8 @@ Status GlRenderer::Impl::draw(const RenderOptions& options, int samples,
   vertices.bind();
   bind_grid();
   program->use();
-  const int rows = block_rows(
-      options, samples, context.info().is_software ? kSoftwareBlockRaysMax : kBlockRaysMax);
+  const int rows = block_rows(options, samples,
+                              context.info().is_software ? kSoftwareBlockRaysMax : kBlockRaysMax);
   return for_each_block(
       options.width, options.height, rows, progress,
       [&](int x, int y, int width, int height) { return draw_block(x, y, width, height); });

@@ -77,8 +77,8 @@ Status forget_assets(SqlConnection& connection, std::string_view condition, std:
   const std::string which = " (SELECT id, tenant FROM assets a WHERE deleted_ms <> 0 AND " +
                             std::string(condition) + " AND " + std::string(kForgettable) +
                             " ORDER BY " + std::string(order) + " LIMIT $2)";
-  VOXELD_TRY(connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + which, value,
-                            kBatch));
+  VOXELD_TRY(
+      connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + which, value, kBatch));
   return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + which, value, kBatch);
 }
 

@@ -94,8 +94,8 @@ TEST(FileResponse, a_head_request_is_told_of_the_whole_file) {
 }
 
 TEST(FileResponse, the_response_to_a_post_is_whole_whatever_its_conditions) {
-  for (const char* line : {"Range: bytes=0-0", "Range: bytes=100-", "If-None-Match: \"abc\"",
-                           "If-None-Match: *"}) {
+  for (const char* line :
+       {"Range: bytes=0-0", "Range: bytes=100-", "If-None-Match: \"abc\"", "If-None-Match: *"}) {
     const auto head = parse_head("POST /x HTTP/1.1\r\nHost: h\r\n" + std::string(line) +
                                  "\r\nContent-Length: 1\r\n\r\n");
     ASSERT_TRUE(head) << line;

@@ -301,8 +301,8 @@ TEST_F(RetentionTest, the_record_of_a_deleted_bundle_goes_with_the_rows_of_its_f
   const std::string mesh = put_blob("mesh"), bundle = put_blob("manifest");
   for (const Caller& caller : {lab, studio}) {
     ASSERT_TRUE(assets_.put(caller, {mesh, 4}, "a.ply", "", 0));
-    ASSERT_TRUE(assets_.put_bundle(caller, {bundle, 8}, "a.bundle.json",
-                                   {BundleFile{"a.ply", mesh}}, 0));
+    ASSERT_TRUE(
+        assets_.put_bundle(caller, {bundle, 8}, "a.bundle.json", {BundleFile{"a.ply", mesh}}, 0));
   }
   ASSERT_TRUE(assets_.mark_deleted(lab, bundle));
   EXPECT_EQ(retention_.trim_records(1).value(), 1);
