@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import os
+import threading
 from collections.abc import AsyncGenerator, Callable, Generator
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -32,11 +33,19 @@ T = TypeVar("T")
 async def _in_thread(work: Callable[[CancelToken], T], token: CancelToken | None = None) -> T:
     """Runs `work` in a thread. When the task is cancelled, the token is, and the thread is waited for."""
     own = token or CancelToken()
-    running = asyncio.ensure_future(asyncio.to_thread(work, own))
+    has_begun = threading.Event()
+
+    def run() -> T:
+        has_begun.set()
+        return work(own)
+
+    running = asyncio.ensure_future(asyncio.to_thread(run))
     try:
         return await asyncio.shield(running)
     except asyncio.CancelledError:
         own.cancel()
+        if not has_begun.is_set():  # no thread is free; if one takes it now, the token ends it
+            running.cancel()
         await asyncio.wait([running])
         if not running.cancelled():
             running.exception()  # marks it as seen: it is Cancelled
@@ -107,7 +116,7 @@ class AsyncClient:
                 yield frame
             has_ended = True
         finally:
-            if not has_ended:
+            if begun and not has_ended:
                 await asyncio.to_thread(end)
 
     async def render(self, mesh: Mesh | Grid, *, timeout: float | None = None,

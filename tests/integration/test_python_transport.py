@@ -1,5 +1,6 @@
 """The Python package's HTTP: retries, broken connections, damaged downloads, against servers that follow a script."""
 import asyncio
+import concurrent.futures
 import contextlib
 import functools
 import hashlib
@@ -230,6 +231,28 @@ class Transport(TransportTest):
         failure = self.raised(voxeld.Timeout, "timeout", lambda: asyncio.run(
             client.voxelize(b"solid", filename="a.stl", timeout=0.5)))
         self.assertIn("longer than 0.5 s", str(failure))
+
+    def test_a_cancelled_task_does_not_wait_for_a_free_thread(self):
+        is_free = threading.Event()
+
+        async def work():
+            loop = asyncio.get_running_loop()
+            loop.set_default_executor(concurrent.futures.ThreadPoolExecutor(1))
+            client = aio.AsyncClient("http://voxeld", "")
+            await client.client()
+            busy = loop.run_in_executor(None, is_free.wait, HANG_SECONDS)
+            try:
+                task = asyncio.ensure_future(client.upload(b"solid"))
+                for _ in range(5):  # until it waits for its thread
+                    await asyncio.sleep(0)
+                task.cancel()
+                with self.assertRaises(asyncio.CancelledError):
+                    await task
+                self.assertFalse(busy.done())
+            finally:
+                is_free.set()
+                await busy
+        asyncio.run(work())
 
     def test_a_mesh_is_inspected_by_a_job_which_may_wait_in_the_queue(self):
         script = self.script(json_response({"id": "sha256-a"}, 201), json_response({**DONE, "state": "queued"}, 202),
