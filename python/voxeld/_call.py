@@ -115,6 +115,14 @@ def progress_callback(progress: bool | ProgressCallback | None) -> ProgressCallb
         return None
 
 
+class _CallbackError(Exception):
+    """An exception of the caller's function, which must not pass for one of the connection."""
+
+    def __init__(self, cause: Exception) -> None:
+        super().__init__(str(cause))
+        self.cause = cause
+
+
 class Call:
     """timeout: seconds until the call fails with Timeout; None: no limit."""
 
@@ -128,9 +136,11 @@ class Call:
     def __enter__(self) -> Call:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, failure: BaseException | None, trace: object) -> None:
         if isinstance(self.progress, ProgressBar):
             self.progress.close()
+        if isinstance(failure, _CallbackError):
+            raise failure.cause from None
 
     def check(self, early: float = 0.0) -> None:
         """Raises Cancelled, or Timeout from `early` seconds before the deadline on."""
@@ -144,8 +154,12 @@ class Call:
         return None if self.deadline is None else max(self.deadline - time.monotonic(), 0.001)
 
     def report(self, stage: str, done: int, total: int, unit: str) -> None:
-        if self.progress is not None:
+        if self.progress is None:
+            return
+        try:
             self.progress(Progress(stage, done, total, unit))
+        except Exception as failure:
+            raise _CallbackError(failure) from failure
 
     def pause(self, seconds: float) -> None:
         """Sleeps, and wakes at once when cancelled."""

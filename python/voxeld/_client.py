@@ -99,8 +99,8 @@ class Client:
         """
         named: Mapping[str, Any] = options
         _check_one_grid("voxelize_tiles()", named)
-        call = Call(timeout, cancel, progress)
-        return TileStream(self, call, self._submit_mesh(call, "voxelize", mesh, named))
+        with Call(timeout, cancel, progress) as call:
+            return TileStream(self, call, self._submit_mesh(call, "voxelize", mesh, named))
 
     def animate(self, mesh: Mesh, *, timeout: float | None = None, cancel: CancelToken | None = None,
                 progress: bool | ProgressCallback | None = None, **options: Unpack[AnimateOptions]) -> Animation:
@@ -110,11 +110,11 @@ class Client:
             mesh: as of voxelize().
             options: animation=0 (the default) or its name, fps, frames or times; size, … of docs/options.md.
         """
-        call = Call(timeout, cancel, progress)
         named: dict[str, Any] = dict(options)
         if all(named.get(name) is None for name in SEQUENCE_OPTIONS):
             named["animation"] = 0
-        return Animation(self, call, self._submit_mesh(call, "voxelize", mesh, named))
+        with Call(timeout, cancel, progress) as call:
+            return Animation(self, call, self._submit_mesh(call, "voxelize", mesh, named))
 
     def render(self, mesh: Mesh, *, timeout: float | None = None, cancel: CancelToken | None = None,
                progress: bool | ProgressCallback | None = None, **options: Unpack[RenderOptions]) -> Image:

@@ -284,6 +284,15 @@ class Transport(TransportTest):
                                      "upload")
         self.assertTrue(connection.sock.taken.endswith(b"\r\n\r\n" + body))
 
+    def test_an_exception_of_the_progress_function_is_none_of_the_connection(self):
+        def report(progress):
+            if progress.stage == "upload":
+                raise BrokenPipeError("of the caller")
+        for method in ("upload", "animate", "voxelize_tiles"):
+            self.script(problem(404, "not-found"), json_response({}, 201), idle_timeout=1)
+            with self.subTest(method), self.assertRaisesRegex(BrokenPipeError, "of the caller"):
+                getattr(self.client, method)(bytes(2 << 20), progress=report)
+
     def test_a_refusal_before_the_whole_body_was_sent_is_read(self):
         self.script(Script.REFUSE, problem(413, "payload-too-large", "Connection: close"), Script.CLOSE)
         self.raised(voxeld.Error, "payload-too-large", lambda: self.client._transport.request(
