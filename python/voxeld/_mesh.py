@@ -55,13 +55,16 @@ class File:
 
 
 def path_file(path: pathlib.Path, name: str) -> File:
+    with _opened(path) as file:
+        size = os.fstat(file.fileno()).st_size
+    return File(name, size, lambda: _opened(path))
+
+
+def _opened(path: pathlib.Path) -> BinaryIO:
     try:
-        size = path.stat().st_size
-        with open(path, "rb"):
-            pass
+        return open(path, "rb")
     except OSError as failure:
         raise error("file", f"{path}: {failure.strerror}") from failure
-    return File(name, size, lambda: open(path, "rb"))
 
 
 def memory_file(data: bytes, name: str) -> File:

@@ -240,6 +240,8 @@ class Transport:
         sent = 0
         with open_body() as file:
             while piece := file.read(PIECE_BYTES):
+                if sent + len(piece) > body_bytes:  # the daemon would take the rest for another request
+                    raise _changed(file, body_bytes, "more")
                 left = memoryview(piece)
                 while left:
                     call.check()
@@ -247,6 +249,8 @@ class Transport:
                 sent += len(piece)
                 if body_bytes > PIECE_BYTES:
                     call.report(stage, sent, body_bytes, "bytes")
+            if sent < body_bytes:
+                raise _changed(file, body_bytes, str(sent))
 
     def _receive(self, connection: http.client.HTTPConnection, call: Call, sink: _Sink | None) -> Response:
         raw = connection.getresponse()
@@ -340,6 +344,11 @@ class Transport:
 
     def _unreachable(self, failure: Exception) -> Error:
         return failure if isinstance(failure, Error) else error("unreachable", f"{self.server.name}: {failure}")
+
+
+def _changed(file: BinaryIO, expected_bytes: int, got: str) -> Error:
+    return error("file", f"{getattr(file, 'name', 'the file')} changed before it was sent",
+                 expected=f"{expected_bytes} bytes", got=got)
 
 
 def parse_object(response: Response, where: str) -> dict[str, Any]:

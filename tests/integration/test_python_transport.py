@@ -20,7 +20,7 @@ import python_package  # noqa: F401: finds voxeld
 from harness import HANG_SECONDS, wait_until
 
 import voxeld
-from voxeld import aio
+from voxeld import _mesh, aio
 from voxeld._call import Call
 
 RESULT = bytes(range(256)) * 5000
@@ -292,6 +292,20 @@ class Transport(TransportTest):
             self.script(problem(404, "not-found"), json_response({}, 201), idle_timeout=1)
             with self.subTest(method), self.assertRaisesRegex(BrokenPipeError, "of the caller"):
                 getattr(self.client, method)(bytes(2 << 20), progress=report)
+
+    def test_a_file_that_changes_before_it_is_sent_is_refused(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, "a.stl")
+            for text, got in (("solids", "a.stl changed before it was sent: expected 5 bytes, got more"),
+                              ("sol", "a.stl changed before it was sent: expected 5 bytes, got 3"),
+                              (None, "a.stl: No such file or directory")):
+                path.write_text("solid")
+                file = _mesh.path_file(path, path.name)
+                path.unlink() if text is None else path.write_text(text)
+                self.script(json_response({"id": "sha256-a"}, 201), retries=0, idle_timeout=1)
+                failure = self.raised(voxeld.BadInput, "file", functools.partial(
+                    self.client._upload_file, Call(), file, False))
+                self.assertIn(got, str(failure))
 
     def test_a_refusal_before_the_whole_body_was_sent_is_read(self):
         self.script(Script.REFUSE, problem(413, "payload-too-large", "Connection: close"), Script.CLOSE)
