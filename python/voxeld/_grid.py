@@ -17,9 +17,19 @@ from ._image import Image, write
 from .options import GridImageOptions, OutputOptions
 
 if TYPE_CHECKING:
+    from functools import cached_property
     from typing import Unpack
 
     from ._client import Client
+else:
+    class cached_property(functools.cached_property):
+        """In Python 3.11, that of functools lets one grid of all compute at a time, and so download."""
+
+        def __get__(self, instance, owner=None):
+            if instance is None:
+                return self
+            value = instance.__dict__[self.attrname] = self.func(instance)
+            return value
 
 # Extension of a file -> format, or image.
 # Extension -> formats that have it, the default first.
@@ -108,16 +118,16 @@ class Voxels:
 
     # --- arrays
 
-    @functools.cached_property
+    @cached_property
     def _decoded(self) -> _decode.Decoded:
         raise NotImplementedError
 
-    @functools.cached_property
+    @cached_property
     def coords(self) -> npt.NDArray[np.int32]:
         """(N, 3) x, y, z of each voxel's cell."""
         return self._decoded.coords()
 
-    @functools.cached_property
+    @cached_property
     def occupancy(self) -> npt.NDArray[np.bool_]:
         """(nz, ny, nx) whether a cell is occupied."""
         return self._decoded.occupancy()
@@ -146,7 +156,7 @@ class Voxels:
         """(N, 4) sRGB and linear alpha, 0 to 255; 0 inside a solid. None without colours."""
         return self.rows("color")
 
-    @functools.cached_property
+    @cached_property
     def normals(self) -> npt.NDArray[np.float32] | None:
         """(N, 3) unit normals, 0 inside a solid. None without normals."""
         rows = self.rows("normal")
@@ -223,7 +233,7 @@ class Grid(Voxels):
             return f"<voxeld.{type(self).__name__} {self.id[:19]}…>"
         return super().__repr__()
 
-    @functools.cached_property
+    @cached_property
     def _decoded(self) -> _decode.Decoded:
         with Call() as call:
             return self._client._decoded(call, self.id, self._selection)

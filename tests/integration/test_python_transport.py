@@ -13,6 +13,7 @@ import pickle
 import socket
 import tempfile
 import threading
+import types
 import unittest
 import unittest.mock
 
@@ -209,6 +210,18 @@ class Transport(TransportTest):
         self.script(head + b"3\r\nabc\r\n2\r\nde\r\n0\r\n\r\n", json_response({}))
         self.assertEqual(self.download(), b"abcde")
         self.assertEqual(self.get(), {})
+
+    def test_grids_do_not_wait_for_each_other(self):
+        client = voxeld.Client("http://voxeld", "")
+        both = threading.Barrier(2)
+
+        def decoded(*_):
+            both.wait(HANG_SECONDS)
+            return types.SimpleNamespace(coords=lambda: "cells")
+        with unittest.mock.patch.object(client, "_decoded", decoded), \
+                concurrent.futures.ThreadPoolExecutor(2) as pool:
+            cells = list(pool.map(lambda id: client.grid(id).coords, ("a", "b")))
+        self.assertEqual(cells, ["cells", "cells"])
 
     def test_a_silent_server_is_a_timeout(self):
         self.script(Script.SILENCE, idle_timeout=0.3)
