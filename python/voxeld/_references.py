@@ -20,12 +20,18 @@ HEADER_MAX = 1 << 20
 UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 UTF8_MARK = b"\xef\xbb\xbf"
 BLANKS_MAX = 100  # before the first word of a line
+NO_UTF8 = re.compile("[\udc80-\udcff]")
 ENCODINGS = ("gbk", "cp932", "cp950", "cp949", "cp1252", "cp850", "cp437", "cp1250", "cp852", "cp1251", "cp866")
+
+
+def _encodings(text: str) -> tuple[str | None, ...]:
+    """Those to read a text in; all of them read UTF-8 alike."""
+    return ENCODINGS if NO_UTF8.search(text) else (None,)
 
 
 def _read_as(name: str, encoding: str | None) -> str | None:
     """A name in an encoding, if its bytes are not UTF-8 (surrogates stand for them). None if it is not valid there."""
-    if encoding is None or not re.search("[\udc80-\udcff]", name):
+    if encoding is None or not NO_UTF8.search(name):
         return name
     try:
         return name.encode("utf-8", "surrogateescape").decode(encoding)
@@ -72,7 +78,8 @@ class _Names:
             self.files = self._list_files()
         found = _find(self.readings(None), urllib.parse.unquote(reference))
         if found is None:
-            pairs = [(self.readings(names), _read_as(reference, path)) for names in ENCODINGS for path in ENCODINGS]
+            pairs = [(self.readings(names), _read_as(reference, path))
+                     for names in _encodings("".join(self.files)) for path in _encodings(reference)]
             others = {_find(names, path) for names, path in pairs if path is not None} - {None}
             found = others.pop() if len(others) == 1 else None
         return found is not None and self._add(self.files[found])

@@ -402,6 +402,14 @@ class Meshes(PythonTest):
         warnings = self.client.voxelize(self.dir / "wall.obj", size=8).warnings
         self.assertEqual(len([each for each in warnings if "is taken for it" in each]), 3, warnings)
 
+    def test_a_missing_file_is_searched_in_each_encoding_only_where_a_name_is_no_utf8(self):
+        path = self.dir / "a.obj"
+        for text, searches_max in ((b"mtllib none.mtl\n", 4), (b"mtllib n\xf6ne.mtl\n", 24)):
+            path.write_bytes(text)
+            with unittest.mock.patch.object(_references, "_find", wraps=_references._find) as find:
+                self.assertEqual(_references.referenced_files(path), [])
+            self.assertLessEqual(find.call_count, searches_max)
+
     def test_animations_beside_an_md5mesh_are_sent_with_it(self):
         info = self.client.info(self.fixtures / "worm/worm.md5mesh")
         self.assertEqual(sorted(each["name"] for each in info["animations"]), ["walk", "wave"])
