@@ -155,13 +155,13 @@ class Client:
         return Grid(self, id)
 
     def delete(self, item: Grid | Animation | Asset) -> None:
-        """Deletes a grid with the result of its job, an animation, or an asset."""
+        """Deletes a grid with the result of its job, an animation, or an asset. A frame alone cannot be deleted."""
         with Call() as call:
             if isinstance(item, Asset):
                 path = f"/v1/assets/{_quoted(item.id)}"
-            elif isinstance(item, Animation) or item.job:
+            elif isinstance(item, Animation) or (item.job and not isinstance(item, Frame)):
                 path = f"/v1/jobs/{item.job}/result"
-            else:
+            else:  # the result of a frame's job has the other frames, too
                 path = f"/v1/grids/{_quoted(item.id)}"
             self._transport.request(call, "DELETE", path)
 

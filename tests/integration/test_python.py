@@ -481,6 +481,14 @@ class Animations(PythonTest):
                      "schem or litematic or nbt or vdb or nvdb or bt or ldr or vtu or inp or ktx2 or raw or slices",
                      of=lambda: animation.save(self.dir / "a.zip", format="npy"))
 
+    def test_a_frame_is_deleted_with_its_animation_alone(self):
+        animation = self.client.animate(self.fixtures / "spin.glb", fps=4, size=17)
+        frames = list(animation)
+        self.problem(voxeld.Error, "conflict", "is a frame", of=lambda: self.client.delete(frames[1]))
+        self.assertEqual([frame.id for frame in animation], [frame.id for frame in frames])
+        self.client.delete(animation)
+        self.problem(voxeld.NotFound, "gone", of=lambda: frames[1].coords)
+
     def test_the_error_of_the_job_is_raised(self):
         self.problem(voxeld.Error, "invalid-option", of=lambda: list(self.client.animate(
             self.fixtures / "spin.glb", animation="nod", size=16)))
