@@ -167,20 +167,22 @@ class Client:
 
     # --- steps
 
-    def _upload(self, call: Call, mesh: Mesh, filename: str) -> tuple[Asset, bool]:
-        """The asset, and whether the server had it before."""
+    def _upload(self, call: Call, mesh: Mesh, filename: str) -> tuple[Asset, File | None]:
+        """The asset, and its file if the server had it before."""
         if isinstance(mesh, Asset):
-            return mesh, False
+            return mesh, None
         files = files_of(mesh, filename)
         sent = [self._upload_file(call, file, True) for file in files]
         if len(files) == 1:
-            return sent[0]
+            asset, was_known = sent[0]
+            return asset, files[0] if was_known else None
         manifest = {"files": [{"name": file.name, "asset": asset.id} for file, (asset, _) in zip(files, sent)]}
         answer = self._transport.json(call, "POST", "/v1/assets", body=json.dumps(manifest).encode(),
                                       headers={"Content-Type": BUNDLE_TYPE})
-        return Asset(str(answer["id"])), False
+        return Asset(str(answer["id"])), None
 
     def _upload_file(self, call: Call, file: File, may_ask: bool) -> tuple[Asset, bool]:
+        """The asset, and whether the server had it before."""
         if may_ask and file.bytes >= ASKED_BYTES_MIN and (known := self._known_asset(call, file)) is not None:
             return known, True
         path = "/v1/assets" + (f"?filename={urllib.parse.quote(file.name, safe='')}" if file.name else "")
@@ -203,15 +205,14 @@ class Client:
         return Asset(str(asset["id"]), file.name) if is_same else None
 
     def _submit_mesh(self, call: Call, kind: str, mesh: Mesh, options: Mapping[str, Any]) -> dict[str, Any]:
-        asset, was_known = self._upload(call, mesh, str(options.get("filename") or ""))
+        asset, known = self._upload(call, mesh, str(options.get("filename") or ""))
         body = _job_body(kind, {"asset": asset.id}, options, asset.filename)
         try:
             return self._submit(call, body)
         except NotFound:
-            if not was_known:
+            if known is None:
                 raise
-        # It was deleted since the server was asked.
-        asset, _ = self._upload_file(call, files_of(mesh, asset.filename)[0], False)
+            asset, _ = self._upload_file(call, known, False)  # it was deleted since the server was asked
         return self._submit(call, {**body, "asset": asset.id})
 
     def _submit(self, call: Call, body: Mapping[str, Any]) -> dict[str, Any]:

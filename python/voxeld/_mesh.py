@@ -79,7 +79,11 @@ def files_of(mesh: Mesh, filename: str) -> list[File]:
         return [memory_file(bytes(mesh), filename)]
     read: Any = getattr(mesh, "read", None)
     if read is not None:
-        return [memory_file(read(), filename or os.path.basename(str(getattr(mesh, "name", ""))))]
+        name, data = os.path.basename(str(getattr(mesh, "name", ""))), read()
+        if not isinstance(data, (bytes, bytearray, memoryview)):
+            raise error("file", name or "a mesh", expected="a file that is open in binary mode",
+                        got=f"{type(data).__name__} from its read()")
+        return [memory_file(bytes(data), filename or name)]
     if isinstance(mesh, (list, tuple)) and mesh and all(isinstance(each, (str, os.PathLike)) for each in mesh):
         return _path_files(mesh, filename)
     return [memory_file(*_library_mesh(mesh))]

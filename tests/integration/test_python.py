@@ -276,6 +276,7 @@ class Meshes(PythonTest):
             ((vertices, faces, np.full((8, 3), 2.0)), "colors of float64: expected 0 to 1, got 2.0 to 2.0"),
             ((vertices, faces, np.full((8, 3), 256)), "colors of int64: expected 0 to 255, got 256 to 256"),
             (7, "a mesh of type int: expected a path"),
+            (io.StringIO("v 0 0 0"), "a mesh: expected a file that is open in binary mode, got str from its read()"),
             (self.dir / "none.ply", "none.ply: No such file or directory"),
         ]
         for mesh, text in table:
@@ -335,15 +336,17 @@ class Meshes(PythonTest):
     def test_a_known_file_that_is_deleted_meanwhile_is_sent(self):
         path = self.dir / "big.ply"
         path.write_bytes(self.sample.read_bytes() + b"\n" * 65537)
-        asset = self.client.upload(path)
         real = voxeld.Client._known_asset
 
         def known(client, call, file):
             found = real(client, call, file)
             self.client.delete(asset)
             return found
-        with unittest.mock.patch.object(voxeld.Client, "_known_asset", known):
-            self.assertGreater(len(self.client.voxelize(path, size=17)), 0)
+        with open(path, "rb") as file:
+            for size, mesh in ((17, path), (18, file)):  # a file is at its end after it was read
+                asset = self.client.upload(path)
+                with unittest.mock.patch.object(voxeld.Client, "_known_asset", known):
+                    self.assertGreater(len(self.client.voxelize(mesh, size=size)), 0)
 
     def test_files_that_an_obj_names_are_sent_with_it(self):
         (self.dir / "textures").mkdir()
