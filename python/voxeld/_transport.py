@@ -304,13 +304,15 @@ class Transport:
                 self._idle, self._pid = [], os.getpid()
             if self._idle:
                 return self._idle.pop(), True
-        url = urllib.parse.urlsplit(self.server.connect_url(call))
-        kind = {"http": http.client.HTTPConnection, "https": http.client.HTTPSConnection}.get(url.scheme)
-        if kind is None or not url.hostname:
+        address, left = self.server.connect_url(call), call.seconds_left()
+        kinds = {"http": http.client.HTTPConnection, "https": http.client.HTTPSConnection}
+        try:
+            url = urllib.parse.urlsplit(address)
+            kind, host = kinds[url.scheme if url.hostname else ""], url.hostname or ""
+            connection = kind(host, url.port, timeout=min(CONNECT_SECONDS, left or CONNECT_SECONDS))
+        except (KeyError, ValueError, http.client.InvalidURL):
             raise error("invalid-option", "url", expected="http://HOST[:PORT] or https://HOST[:PORT]",
-                        got=self.server.name)
-        left = call.seconds_left()
-        connection = kind(url.hostname, url.port, timeout=min(CONNECT_SECONDS, left or CONNECT_SECONDS))
+                        got=self.server.name) from None
         try:
             connection.connect()
         except OSError as failure:

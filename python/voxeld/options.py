@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._decode import read_palette
+from ._errors import error
 
 Numbers = Union[Sequence[float], npt.NDArray[Any]]
 Channel = Literal["occupancy", "color", "normal", "material", "label", "distance", "coverage"]
@@ -153,13 +154,13 @@ class RenderOptions(GridOptions, SequenceOptions, SelectionOptions, ImageOptions
     frame: int
 
 
-def json_value(value: Any) -> Any:
+def json_value(name: str, value: Any) -> Any:
     """An option as JSON."""
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
     if isinstance(value, range):
         if value.step != 1 or not len(value):
-            raise ValueError(f"frames: expected a range of step 1 that is not empty, got {value}")
+            raise error("invalid-option", name, expected="a range of step 1 that is not empty", got=str(value))
         return f"{value.start}..{value.stop - 1}"
     if isinstance(value, np.ndarray):
         return value.ravel().tolist()
@@ -168,8 +169,9 @@ def json_value(value: Any) -> Any:
     if isinstance(value, (str, int, float)):
         return value
     if isinstance(value, Iterable):
-        return [json_value(each) for each in value]
-    raise TypeError(f"an option cannot have a value of type {type(value).__name__}: {value!r}")
+        return [json_value(name, each) for each in value]
+    raise error("invalid-option", name, expected="a text, a number, a bool or a list of them",
+                got=f"{type(value).__name__} {value!r}"[:80])
 
 
 def json_options(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -183,7 +185,7 @@ def json_options(options: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(remap, Mapping):
         remap = ",".join(f"{old}:{new}" for old, new in remap.items())
     changed = {**options, "palette": palette, "remap": remap}
-    values = {name: json_value(value) for name, value in changed.items() if value is not None}
+    values = {name: json_value(name, value) for name, value in changed.items() if value is not None}
     if "samples" in values:
         values["samples"] = str(values["samples"])
     if isinstance(values.get("channels"), str):

@@ -567,6 +567,10 @@ class Calls(CallsTest):
         self.assertEqual(refused.problem["code"], "invalid-option")
         self.assertTrue(refused.request_id.startswith("r-") and refused.title)
         self.assertIsInstance(refused, ValueError)
+        for value, text in ((range(0, 9, 2), "frames: expected a range of step 1 that is not empty, got range(0, 9"),
+                            (1j, "frames: expected a text, a number, a bool or a list of them, got complex 1j")):
+            self.problem(voxeld.BadInput, "invalid-option", text, of=lambda value=value: self.client.animate(
+                self.sample, frames=value))
         self.problem(voxeld.BadInput, "unknown-option", "siez", of=lambda: self.client.voxelize(self.sample, siez=3))
         failed = self.problem(voxeld.BadInput, "malformed-mesh", "line 4", of=lambda: self.client.voxelize(
             self.fixtures / "bad/index.obj"))

@@ -340,9 +340,11 @@ class Transport(TransportTest):
         for key in ("a\nHost: b", "a b", "ä"):
             failure = self.raised(voxeld.BadInput, "invalid-option", lambda key=key: voxeld.Client(script.url, key))
             self.assertNotIn(key, str(failure))
-        other = voxeld.Client("ftp://example.org")
-        self.assertIn("expected http://HOST", str(self.raised(
-            voxeld.BadInput, "invalid-option", lambda: other.grid("a").coords)))
+        for url in ("ftp://example.org", "localhost:8080", "http://", "http://[::1", "http://localhost:port",
+                    "http://local host"):
+            other = voxeld.Client(url, "")
+            self.assertIn("expected http://HOST", str(self.raised(
+                voxeld.BadInput, "invalid-option", lambda other=other: other.grid("a").coords)))
 
     def test_a_job_that_is_submitted_again_has_the_same_idempotency_key(self):
         script = self.script(json_response({"id": "sha256-a"}, 201), problem(503, "queue-full", "Retry-After: 0"),
