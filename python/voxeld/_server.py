@@ -9,6 +9,7 @@ import pathlib
 import shutil
 import stat
 import subprocess
+import time
 import tomllib
 import urllib.parse
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -22,6 +23,7 @@ DEFAULT_URL = "http://127.0.0.1:8080"
 ASK_SECONDS = 2.0  # limit of the request that asks whether a voxeld serves at DEFAULT_URL
 PRIVATE_ASK_SECONDS = 10.0
 START_SECONDS = 90.0  # voxel itself gives up after 60
+START_LOOK_SECONDS = 0.02
 
 
 class Server(Protocol):
@@ -126,15 +128,19 @@ class PrivateServer:
             raise _start_error("no daemon serves here, and there is no program voxel in PATH to start one: install "
                                "voxel and voxeld, or name a server with url= or VOXELD_URL")
         call.report("start", 0, 0, "bytes")
-        left = call.seconds_left()
-        try:
-            done = subprocess.run([program, "whoami", "--local", "--quiet", "--json"], capture_output=True, text=True,
-                                  stdin=subprocess.DEVNULL, timeout=min(START_SECONDS, left or START_SECONDS))
-        except subprocess.TimeoutExpired as late:
-            call.check()
-            raise _start_error(f"{program} did not start the private daemon in {late.timeout:g} s") from None
-        if done.returncode != 0:
-            lines = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
+        latest = time.monotonic() + START_SECONDS
+        with subprocess.Popen([program, "whoami", "--local", "--quiet", "--json"], stdin=subprocess.DEVNULL,
+                              stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as starting:
+            try:
+                while starting.poll() is None:
+                    if time.monotonic() >= latest:
+                        raise _start_error(f"{program} did not start the private daemon in {START_SECONDS:g} s")
+                    call.pause(START_LOOK_SECONDS)
+            finally:
+                starting.kill()  # without effect on one that has ended
+            errors = starting.communicate()[1]
+        if starting.returncode != 0:
+            lines = errors.strip().splitlines() or [f"exit status {starting.returncode}"]
             raise _start_error(lines[-1].removeprefix("voxel: "))
 
 

@@ -143,6 +143,27 @@ print(len(g.render(width=16, height=16)) > 0, json.loads(address.read_text())["p
                 voxeld.Client(local=True).grid("a").coords
         self.assertEqual(start.call_count, 1)
 
+    def test_a_token_ends_the_wait_for_the_start(self):
+        program = self.dir / "voxel"
+        program.write_text("#!/bin/sh\ntouch \"$0.started\"\nexec sleep 1000\n")
+        program.chmod(0o755)
+        done = self.python("""
+import os, pathlib, threading, time, voxeld
+from voxeld import _server
+_server.START_SECONDS = 1000
+token = voxeld.CancelToken()
+def cancel():
+    while not pathlib.Path(os.environ["HOME"], "voxel.started").exists():
+        time.sleep(0.01)
+    token.cancel()
+threading.Thread(target=cancel).start()
+try:
+    voxeld.Client(local=True).grid("a").fetch(cancel=token)
+except voxeld.Cancelled as error:
+    print(error)
+""", PATH=f"{self.dir}:/usr/bin:/bin")
+        self.assertEqual(done.stdout, "cancelled by the caller (interrupted)\n", done.stderr)
+
     def test_why_the_daemon_does_not_start_is_told(self):
         refused = self.python("import voxeld\nvoxeld.Client(local=True).grid('a').coords", VOXELD_DEVICE="nonsense")
         self.assertIn("the private daemon did not start: unknown device: expected egl:N", refused.stderr)
