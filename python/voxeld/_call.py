@@ -30,7 +30,7 @@ class CancelToken:
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # cancel() of a signal handler may interrupt the thread that has it
         self._cancelled = False
         self._sockets: set[socket.socket] = set()
 

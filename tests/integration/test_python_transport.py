@@ -223,6 +223,17 @@ class Transport(TransportTest):
             cells = list(pool.map(lambda id: client.grid(id).coords, ("a", "b")))
         self.assertEqual(cells, ["cells", "cells"])
 
+    def test_a_signal_handler_may_cancel_a_token_that_its_thread_is_using(self):
+        token = voxeld.CancelToken()
+
+        def handle_in_the_midst():
+            with token._lock:
+                token.cancel()
+        thread = threading.Thread(target=handle_in_the_midst, daemon=True)
+        thread.start()
+        thread.join(HANG_SECONDS)
+        self.assertTrue(token.cancelled)
+
     def test_a_silent_server_is_a_timeout(self):
         self.script(Script.SILENCE, idle_timeout=0.3)
         failure = self.raised(voxeld.Timeout, "timeout", self.get)
