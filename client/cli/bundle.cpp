@@ -48,13 +48,14 @@ class Names {
     real_folder_ = fs::canonical(folder_, error);
   }
   // Adds a name as it is and returns its path as listed; empty if it is refused.
-  std::string add(std::string name) {
-    std::ranges::replace(name, '\\', '/');
-    return add_path(fs::path(name).lexically_normal());
+  std::string add(const std::string& name) {
+    std::string path = name;
+    std::ranges::replace(path, '\\', '/');
+    return add_path(fs::path(path).lexically_normal());
   }
   // Adds the file that the daemon will take for the reference: in another case, in another folder
   // below, or in a legacy encoding.
-  std::string add_similar(std::string reference) {
+  std::string add_similar(const std::string& reference) {
     if (!is_listed_) list_files();
     const auto found = files_.resolve(reference, "");
     return found ? add_path(file_names_[found->index]) : "";
