@@ -1,7 +1,7 @@
 // Meshes that are dropped or chosen, samples, uploads.
 import { execFileSync } from "node:child_process";
 import { readFileSync } from "node:fs";
-import { join } from "node:path";
+import { basename, join } from "node:path";
 import { run, temporaryFolder } from "./daemon.mjs";
 import {
   daemon,
@@ -16,6 +16,46 @@ import {
   shown,
   test,
 } from "./page.mjs";
+
+/** The textures of a house, and its other files. */
+function houseFiles() {
+  const folder = temporaryFolder("web-bundle");
+  execFileSync("unzip", ["-q", join(fixtures, "sample.obj.zip"), "-d", folder]);
+  const files = execFileSync("find", [folder, "-type", "f"], { encoding: "utf8" })
+    .trim()
+    .split("\n");
+  return {
+    textures: files.filter(name => name.endsWith(".png")),
+    others: files.filter(name => !name.endsWith(".png")),
+  };
+}
+
+/** Drops a folder of one file, which is read when the page calls window.release(). */
+async function dropSlowFolder(page, name, data) {
+  await page.evaluate(
+    ([name, data]) => {
+      const bytes = Uint8Array.from(atob(data), c => c.charCodeAt(0));
+      const file = resolve => resolve(new File([bytes], name));
+      const entries = [{ name, isFile: true, file }];
+      const readEntries = resolve => {
+        // The first entries are held, the next ones are none.
+        if (window.release) resolve([]);
+        else window.release = () => resolve(entries);
+      };
+      const folder = { name: "slow", isDirectory: true, createReader: () => ({ readEntries }) };
+      const item = DataTransferItem.prototype,
+        original = item.webkitGetAsEntry;
+      item.webkitGetAsEntry = () => folder;
+      const dataTransfer = new DataTransfer();
+      dataTransfer.items.add(new File([""], "slow"));
+      document
+        .getElementById("view")
+        .dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
+      item.webkitGetAsEntry = original;
+    },
+    [name, data.toString("base64")],
+  );
+}
 
 test("a dropped mesh is described, shown, and saved with the bytes of the CLI", DRAWN, async ({
   page,
@@ -58,13 +98,7 @@ test("the samples become voxels, one after the other", DRAWN, async ({ page }) =
 test("several files are one mesh, and a missing texture is named and added later", async ({
   page,
 }) => {
-  const folder = temporaryFolder("web-bundle");
-  execFileSync("unzip", ["-q", join(fixtures, "sample.obj.zip"), "-d", folder]);
-  const files = execFileSync("find", [folder, "-type", "f"], { encoding: "utf8" })
-    .trim()
-    .split("\n");
-  const textures = files.filter(name => name.endsWith(".png")),
-    others = files.filter(name => !name.endsWith(".png"));
+  const { textures, others } = houseFiles();
   await page.goto(daemon.url);
   await drop(page, ...others);
   await expect(page.locator("#card-model .warn")).toContainText(textures[0].split("/").pop());
@@ -109,25 +143,7 @@ test("of two meshes dropped at once the later one is loaded", async ({ page }) =
 
 test("a folder that is read for long does not supersede a mesh dropped later", async ({ page }) => {
   await page.goto(daemon.url);
-  await page.evaluate(() => {
-    const file = resolve => resolve(new File(["v 0 0 0"], "slow.obj"));
-    const entries = [{ name: "slow.obj", isFile: true, file }];
-    const readEntries = resolve => {
-      // The first entries are held, the next ones are none.
-      if (window.release) resolve([]);
-      else window.release = () => resolve(entries);
-    };
-    const folder = { name: "slow", isDirectory: true, createReader: () => ({ readEntries }) };
-    const item = DataTransferItem.prototype,
-      original = item.webkitGetAsEntry;
-    item.webkitGetAsEntry = () => folder;
-    const dataTransfer = new DataTransfer();
-    dataTransfer.items.add(new File([""], "slow"));
-    document
-      .getElementById("view")
-      .dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
-    item.webkitGetAsEntry = original;
-  });
+  await dropSlowFolder(page, "slow.obj", Buffer.from("v 0 0 0"));
   await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);
   // A page that begins with the folder's mesh has done so before a response comes.
@@ -136,6 +152,24 @@ test("a folder that is read for long does not supersede a mesh dropped later", a
     await (await fetch("/v1/me")).blob();
   });
   await expect(page.locator("#card-model h2")).toHaveText("sample");
+});
+
+test("a texture that is read for long is added to one that was dropped later", async ({ page }) => {
+  const { textures, others } = houseFiles(),
+    [slow, quick] = textures;
+  const missing = page.locator("#card-model .warn");
+  await page.goto(daemon.url);
+  await drop(page, ...others);
+  await expect(missing).toContainText(basename(slow));
+  await expect(missing).toContainText(basename(quick));
+  await dropSlowFolder(page, basename(slow), readFileSync(slow));
+  await drop(page, quick);
+  await expect(missing).not.toContainText(basename(quick)); // the mesh is described again
+  await expect(missing).toBeVisible();
+  await page.evaluate(() => window.release());
+  await expect(missing).toBeHidden(); // until the mesh is described again
+  await expect(page.locator("#card-model")).toContainText("2 textures");
+  await expect(missing).toBeHidden();
 });
 
 test("an upload shows its progress, and a known file is not sent again", async ({ page }) => {

@@ -193,7 +193,8 @@ export class App {
   /** Uploads the files and voxelizes their mesh, unless that of a later turn was read before. */
   async load(files: readonly NamedFile[], turn = ++this.#given): Promise<void> {
     if (files.length === 0) return;
-    const bundle = bundleOf(files) ?? (this.#bundle && extended(this.#bundle, files));
+    const own = bundleOf(files),
+      bundle = own ?? (this.#bundle && extended(this.#bundle, files));
     if (!bundle) {
       this.onProblem(
         new Error(
@@ -208,7 +209,7 @@ export class App {
       return;
     }
     if (turn < this.#loaded) return;
-    this.#loaded = turn;
+    if (own) this.#loaded = turn; // files for one mesh add up, in any order
     if (bundle.ignored > 0) this.onNote(t(T.ignored, { n: bundle.ignored }));
     this.#loading?.abort();
     this.#pricing?.abort();
