@@ -33,10 +33,11 @@ T = TypeVar("T")
 async def _in_thread(work: Callable[[CancelToken], T], token: CancelToken | None = None) -> T:
     """Runs `work` in a thread. When the task is cancelled, the token is, and the thread is waited for."""
     own = token or CancelToken()
-    has_begun = threading.Event()
+    claim = threading.Lock()  # of the thread or of the cancellation, whichever comes first
 
     def run() -> T:
-        has_begun.set()
+        if not claim.acquire(blocking=False):
+            own._check()  # raises Cancelled
         return work(own)
 
     running = asyncio.ensure_future(asyncio.to_thread(run))
@@ -44,7 +45,7 @@ async def _in_thread(work: Callable[[CancelToken], T], token: CancelToken | None
         return await asyncio.shield(running)
     except asyncio.CancelledError:
         own.cancel()
-        if not has_begun.is_set():  # no thread is free; if one takes it now, the token ends it
+        if claim.acquire(blocking=False):  # no thread is free, and one that takes it now does nothing
             running.cancel()
         await asyncio.wait([running])
         if not running.cancelled():

@@ -278,6 +278,32 @@ class Transport(TransportTest):
                 await busy
         asyncio.run(work())
 
+    def test_a_thread_that_becomes_free_after_the_cancellation_does_nothing(self):
+        events = []
+
+        class LateExecutor(concurrent.futures.ThreadPoolExecutor):
+            """Its thread takes the work in the moment in which the work is cancelled."""
+
+            def submit(self, work):
+                def cancel():
+                    events.append("taken")
+                    with contextlib.suppress(voxeld.Cancelled):
+                        work()
+                future = concurrent.futures.Future()
+                future.cancel = cancel
+                return future
+
+        async def cancelled():
+            asyncio.get_running_loop().set_default_executor(LateExecutor(1))
+            task = asyncio.ensure_future(aio._in_thread(events.append))
+            for _ in range(5):  # until it waits for its thread
+                await asyncio.sleep(0)
+            task.cancel()
+            with self.assertRaises(asyncio.CancelledError):
+                await task
+        asyncio.run(cancelled())
+        self.assertEqual(events, ["taken"])
+
     def test_a_mesh_is_inspected_by_a_job_which_may_wait_in_the_queue(self):
         script = self.script(json_response({"id": "sha256-a"}, 201), json_response({**DONE, "state": "queued"}, 202),
                              json_response({**DONE, "state": "queued"}), json_response(DONE),
