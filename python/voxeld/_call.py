@@ -140,7 +140,11 @@ class Call:
         if isinstance(self.progress, ProgressBar):
             self.progress.close()
         if isinstance(failure, _CallbackError):
-            raise failure.cause from None
+            context = failure.cause.__context__
+            try:
+                raise failure.cause
+            finally:
+                failure.cause.__context__ = context  # `raise` has replaced it by the failure
 
     def check(self, early: float = 0.0) -> None:
         """Raises Cancelled, or Timeout from `early` seconds before the deadline on."""

@@ -337,11 +337,17 @@ class Transport(TransportTest):
     def test_an_exception_of_the_progress_function_is_none_of_the_connection(self):
         def report(progress):
             if progress.stage == "upload":
-                raise BrokenPipeError("of the caller")
+                try:
+                    {}["none"]
+                except KeyError as missing:
+                    raise BrokenPipeError("of the caller") from missing
         for method in ("upload", "animate", "voxelize_tiles"):
             self.script(problem(404, "not-found"), json_response({}, 201), idle_timeout=1)
-            with self.subTest(method), self.assertRaisesRegex(BrokenPipeError, "of the caller"):
-                getattr(self.client, method)(bytes(2 << 20), progress=report)
+            with self.subTest(method):
+                with self.assertRaisesRegex(BrokenPipeError, "of the caller") as raised:
+                    getattr(self.client, method)(bytes(2 << 20), progress=report)
+                self.assertIsInstance(raised.exception.__cause__, KeyError)
+                self.assertIsInstance(raised.exception.__context__, KeyError)
 
     def test_a_file_that_changes_before_it_is_sent_is_refused(self):
         with tempfile.TemporaryDirectory() as folder:
