@@ -308,7 +308,7 @@ class Transport:
         kinds = {"http": http.client.HTTPConnection, "https": http.client.HTTPSConnection}
         try:
             url = urllib.parse.urlsplit(address)
-            kind, host = kinds[url.scheme if url.hostname else ""], url.hostname or ""
+            kind, host = kinds[url.scheme if url.hostname else ""], (url.hostname or "").encode("idna").decode()
             connection = kind(host, url.port, timeout=min(CONNECT_SECONDS, left or CONNECT_SECONDS))
         except (KeyError, ValueError, http.client.InvalidURL):
             raise error("invalid-option", "url", expected="http://HOST[:PORT] or https://HOST[:PORT]",

@@ -384,7 +384,7 @@ class Transport(TransportTest):
             failure = self.raised(voxeld.BadInput, "invalid-option", lambda key=key: voxeld.Client(script.url, key))
             self.assertNotIn(key, str(failure))
         for url in ("ftp://example.org", "localhost:8080", "http://", "http://[::1", "http://localhost:port",
-                    "http://local host"):
+                    "http://local host", "http://local..host"):
             other = voxeld.Client(url, "")
             self.assertIn("expected http://HOST", str(self.raised(
                 voxeld.BadInput, "invalid-option", lambda other=other: other.grid("a").coords)))
