@@ -24,7 +24,7 @@ ProgressCallback = Callable[[Progress], Any]
 
 
 class CancelToken:
-    """Cancels calls from another thread: pass it as `cancel=` and call `cancel()`.
+    """Cancels calls from another thread or a signal handler: pass it as `cancel=` and call `cancel()`.
 
     The call ends at once with `Cancelled`, and its job is cancelled.
     """
