@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <string>
 
 #include "client/cli/arguments.h"
 #include "client/cli/commands/commands.h"
@@ -18,11 +19,12 @@ using cli::ExitStatus;
 
 // The status of a command that has printed all it had to.
 ExitStatus printed_status() {
-  errno = 0;
-  // The C library drops the bytes of a write that failed: the last flush may succeed nevertheless.
-  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return cli::kSuccess;
-  std::fprintf(stderr, "voxel: stdout cannot be written: %s\n",
-               std::strerror(errno == 0 ? EIO : errno));
+  const bool is_flushed = std::fflush(stdout) == 0;
+  const std::string why = is_flushed ? "" : std::string(": ") + std::strerror(errno);
+  // The C library drops the bytes and the reason of a write that failed: the last flush may succeed
+  // nevertheless.
+  if (is_flushed && std::ferror(stdout) == 0) return cli::kSuccess;
+  std::fprintf(stderr, "voxel: stdout cannot be written%s\n", why.c_str());
   return cli::kFailure;
 }
 
