@@ -15,7 +15,8 @@ namespace voxeld {
 namespace {
 
 // The number of voxels at most, where a full brick counts as one, because it costs as little. The
-// directory tells it; a tile that differs is refused before its attributes are read.
+// directory tells it, but not how many voxels of a tile are in its full bricks: the others count as
+// up to 512. A tile that differs is refused before its attributes are read.
 uint64_t counted_voxels(const GridReader& reader) {
   constexpr uint64_t kSide = limits::kBrickSide, kBrickVoxels = kSide * kSide * kSide;
   uint64_t count = 0;
