@@ -70,7 +70,7 @@ struct Voxel {
 struct Part {
   uint16_t label = 0;
   std::array<int, 3> place{};
-  std::strong_ordering operator<=>(const Part&) const = default;
+  std::strong_ordering operator<=>(const Part&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 using Models = std::map<Part, std::vector<Voxel>>;
 

@@ -93,7 +93,7 @@ std::string http_date(std::time_t seconds) {
   return text.data();
 }
 
-Output::Output(Context context, Response response, MemoryBudget& budget, std::string tenant,
+Output::Output(Context context, Response response, MemoryBudget& budget, const std::string& tenant,
                void* owner, HeldFiles* held_files)
     : context_(std::move(context)), status_(response.status), share_(budget, tenant, owner) {
   if (auto* pieces = std::get_if<PieceBody>(&response.body)) {

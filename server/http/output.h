@@ -31,8 +31,8 @@ class Output {
   // A HEAD request gets the same head without a body. The bytes count against the budget of
   // `tenant`; `owner` is what MemoryBudget::grant() hands back. `held_files` counts the file that
   // it sends; null: nobody does.
-  Output(Context context, Response response, MemoryBudget& budget, std::string tenant, void* owner,
-         HeldFiles* held_files);
+  Output(Context context, Response response, MemoryBudget& budget, const std::string& tenant,
+         void* owner, HeldFiles* held_files);
 
   enum class State {
     kDone,

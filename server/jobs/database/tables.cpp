@@ -282,9 +282,10 @@ std::string computed_usage() {
       "  FROM holdings";
   for (const CountedTable& table : kCountedTables) {
     const std::string bytes = of_row(table.bytes, "");
-    sql += " UNION ALL SELECT tenant, CASE WHEN " + of_row(table.counts_if, "") + " THEN " + bytes +
-           " ELSE 0 END, CASE WHEN " + of_row(table.is_record_if, "") + " THEN " + bytes +
-           " ELSE 0 END FROM " + std::string(table.name);
+    sql.append(" UNION ALL SELECT tenant, CASE WHEN ").append(of_row(table.counts_if, ""));
+    sql.append(" THEN ").append(bytes).append(" ELSE 0 END, CASE WHEN ");
+    sql.append(of_row(table.is_record_if, "")).append(" THEN ").append(bytes);
+    sql.append(" ELSE 0 END FROM ").append(table.name);
   }
   return sql +
          ") n GROUP BY tenant HAVING SUM(bytes) <> 0 OR SUM(record_bytes) <> 0 ORDER BY 1, 2, 3";
