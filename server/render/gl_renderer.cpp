@@ -30,11 +30,11 @@ int looks_of(const RenderOptions& options) {
 
 // The most rays of a pixel: to what it shows, and from there or from the ground to light.
 int64_t pixel_rays_max(const RenderOptions& options, int samples_per_side) {
-  const int samples = samples_per_side * samples_per_side;
-  int64_t rays = int64_t{looks_of(options)} * samples;
-  if (options.occlusion) rays += std::max(RAYMARCH_OCCLUSION_RAYS, 4 * samples);
-  if (options.shadow) rays += std::max(RAYMARCH_SHADOW_RAYS, 2 * samples);
-  if (options.ground) rays += 2 * std::max(RAYMARCH_GROUND_RAYS, 4 * samples);
+  const int64_t samples = int64_t{samples_per_side} * samples_per_side;
+  int64_t rays = looks_of(options) * samples;
+  if (options.occlusion) rays += std::max<int64_t>(RAYMARCH_OCCLUSION_RAYS, 4 * samples);
+  if (options.shadow) rays += std::max<int64_t>(RAYMARCH_SHADOW_RAYS, 2 * samples);
+  if (options.ground) rays += 2 * std::max<int64_t>(RAYMARCH_GROUND_RAYS, 4 * samples);
   return rays;
 }
 

@@ -183,8 +183,11 @@ Status Retention::note_ages(int64_t kept_now_ms) {
                                   {"assets", "id, tenant", "aged_ms = 0"},
                                   {"jobs", "seq", "aged_ms = 0 AND ended_ms <> 0"}};
   for (const Unknown& unknown : kUnknown) {
-    const std::string table(unknown.table), key(unknown.key);
-    const std::string rows = " FROM " + table + " WHERE " + std::string(unknown.rows) + " LIMIT ";
+    std::string rows = " FROM ";
+    rows.append(unknown.table).append(" WHERE ").append(unknown.rows).append(" LIMIT ");
+    std::string note = "UPDATE ";
+    note.append(unknown.table).append(" SET aged_ms = $1 WHERE (").append(unknown.key);
+    note.append(") IN (SELECT ").append(unknown.key).append(rows).append("$2)");
     while (true) {
       {
         VOXELD_ASSIGN(Database::Lease reader, database_.read());
@@ -193,9 +196,7 @@ Status Retention::note_ages(int64_t kept_now_ms) {
         if (!found) break;
       }
       VOXELD_TRY(database_.write_freeing([&](SqlConnection& connection) -> Status {
-        return connection.run("UPDATE " + table + " SET aged_ms = $1 WHERE (" + key +
-                                  ") IN (SELECT " + key + rows + "$2)",
-                              kept_now_ms, kBatch);
+        return connection.run(note, kept_now_ms, kBatch);
       }));
     }
   }

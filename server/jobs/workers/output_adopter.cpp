@@ -147,7 +147,7 @@ Status OutputAdopter::check_parts(const TaskPart& part, const fs::path& file) {
 
 Status OutputAdopter::add_part(const WorkerFiles& files, const TaskPart& part) {
   VOXELD_ASSIGN(const fs::path taken, files.take(part.path));
-  const Status kept = [&]() -> Status {
+  Status kept = [&]() -> Status {
     VOXELD_TRY(context_.disk.for_data());
     VOXELD_TRY(check_parts(part, taken));
     VOXELD_ASSIGN(const int64_t tiles, tile_count(taken));
