@@ -127,7 +127,7 @@ Status Regions::flood(const Piece& start, Turn turn, const Visit& visit,
     const auto at = morton_decode(static_cast<uint32_t>(start.brick));
     enter_brick(start.tile * kTileBricks + glm::ivec3(at[0], at[1], at[2]), start.cells);
   }
-  const Status done = run(progress);
+  Status done = run(progress);
   visit_ = nullptr;
   return done;
 }
