@@ -57,7 +57,7 @@ Result<Response> file_response(const Head& head, const FileBody& file, std::stri
   response.headers["Accept-Ranges"] = "bytes";
   response.headers["Cache-Control"] = "private, max-age=31536000, immutable";
   response.body = file;
-  // Of other methods, a condition or a range would not be about this file (sections 13.2.1, 14.2).
+  // RFC 9110, 13.2.1 and 14.2: conditions and ranges of other methods are not about this file.
   if (head.method != "GET" && head.method != "HEAD") return response;
   const std::string_view if_none_match = head.header("If-None-Match");
   if (!if_none_match.empty() && etag_matches(if_none_match, etag)) {
