@@ -187,6 +187,82 @@ test("delete cancels an export that runs, and waits for it", async ({ page }) =>
   await expect(page.locator("#banner")).toBeHidden();
 });
 
+/** A container of the first tiles of another; without channels or meta it has them all in order. */
+function firstTiles(container, count) {
+  const header = Buffer.from(container.subarray(0, 128));
+  const channels = [0, 1, 2, 3, 4, 5].filter(i => header.readUInt32LE(12) & (1 << i)).length;
+  const entryBytes = (36 + 4 * channels + 7) & ~7,
+    all = header.readUInt32LE(80);
+  const first = 128 + Math.ceil(header.readUInt32LE(84) / 8) * 8,
+    shift = (all - count) * entryBytes; // that the streams move
+  const entries = Buffer.from(container.subarray(first, first + count * entryBytes));
+  let voxels = 0n,
+    end = 0;
+  for (let at = 0; at < entries.length; at += entryBytes) {
+    voxels += entries.readBigUInt64LE(at + 16);
+    end = Number(entries.readBigUInt64LE(at + 24));
+    entries.writeBigUInt64LE(BigInt(end - shift), at + 24);
+    for (let i = 0; i <= channels; ++i) end += entries.readUInt32LE(at + 32 + 4 * i);
+  }
+  const streams = container.subarray(first + all * entryBytes, end);
+  header.writeUInt32LE(count, 80);
+  header.writeBigUInt64LE(voxels, 88);
+  header.writeBigUInt64LE(BigInt(end - shift), 96);
+  return Buffer.concat([header, container.subarray(128, first), entries, streams]);
+}
+
+test("a grid shows as it grows", async ({ page }) => {
+  let isReleased = false,
+    running;
+  const asked = [];
+  await page.route("**/v1/jobs", async route => {
+    const response = await route.fetch();
+    const job = await response.json();
+    if (job.options?.size === 1000) running = { ...job, state: "running", tiles_total: 50 };
+    await route.fulfill({ response });
+  });
+  const isHeld = url => running && !isReleased && url.includes(running.id);
+  // The job has one more tile each time that its state is asked for, until it is released.
+  await page.route(/v1\/jobs\/[^/]*(\/events)?$/, async route => {
+    const url = route.request().url();
+    if (!isHeld(url)) return await route.continue();
+    if (url.endsWith("/events")) return await route.fulfill({ body: "" });
+    ++running.tiles_done;
+    await route.fulfill({ json: running });
+  });
+  await page.route("**/tiles?after=*", async route => {
+    const after = Number(/after=(\d+)/.exec(route.request().url())[1]);
+    asked.push(after);
+    if (after > 0) return await route.fulfill({ status: 202, json: running });
+    while ((await daemon.json(`/v1/jobs/${running.id}`)).state !== "done");
+    const response = await route.fetch(),
+      body = firstTiles(await response.body(), 3);
+    await route.fulfill({ body, headers: { "X-Voxeld-Next": "3" } });
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await page.check('#card-look input[value="x"]', { force: true });
+  await resize(page, 1000);
+  await page.click("#run");
+  await expect(page.locator("#facts")).toContainText("Preview");
+  // Cells of the grid that is wanted, of which some are the preview's.
+  await expect(page.locator("#card-look output")).toHaveText(/^\d+ \/ (1000|[4-9]\d\d)$/);
+  await expect(page.locator("#facts")).toContainText("Preview");
+  const box = await page.locator("#canvas").boundingBox();
+  const cells = [];
+  for (let i = 1; i < 20; ++i) {
+    await page.mouse.move(box.x + (box.width * i) / 20, box.y + box.height / 2);
+    if (await page.locator("#pick").isHidden()) continue;
+    const text = await page.locator("#pick").textContent();
+    cells.push(...text.match(/cell (\d+), (\d+), (\d+)/).slice(1).map(Number));
+  }
+  expect(Math.max(...cells)).toBeGreaterThan(300);
+  await expect.poll(() => asked).toContain(3);
+  isReleased = true;
+  await shown(page, 1000);
+});
+
 test("two tabs work beside each other", async ({ page, context }) => {
   const other = await context.newPage();
   await Promise.all([page.goto(daemon.url), other.goto(daemon.url)]);

@@ -94,6 +94,7 @@ export class App {
       onStatus: (job, preview) => this.#showJob(job, preview),
       onGrid: (job, preview) => this.#showGrid(job, preview),
       onJob: job => this.#jobs.add(job.id),
+      onTiles: parts => this.#grow(parts),
       onProblem,
     });
     this.#timeline = new Timeline(byId("timeline"), {
@@ -437,6 +438,16 @@ export class App {
     if (this.#asset !== asset || this.#meta !== meta) return; // it is another grid's turn
     this.#showOver("");
     this.#showFacts(meta, preview);
+  }
+
+  // The grid itself reports errors, when it is there.
+  async #grow(parts: readonly ArrayBuffer[]): Promise<void> {
+    try {
+      const grid = await this.#stage.grow(parts);
+      if (grid) this.#look.show({ ...this.#meta, dims: grid.dims, voxel_size: grid.voxelSize });
+    } catch (error) {
+      if (!isAbort(error) && (error as Error).name !== "DecodeError") throw error;
+    }
   }
 
   #frame(frame: number): Shown {

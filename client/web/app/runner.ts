@@ -20,6 +20,8 @@ export interface RunnerHooks {
   onJob(job: JobStatus): void;
   /** Grids to show: of an ended job, or of a sequence that has a new frame. */
   onGrid(job: JobStatus, preview: number): Promise<void>;
+  /** Containers of the first tiles of the grid that is wanted, which is still being made. */
+  onTiles(parts: readonly ArrayBuffer[]): Promise<void>;
   onProblem(error: unknown): void;
 }
 
@@ -28,6 +30,9 @@ const PREVIEWS = [
   [128, 0.25],
   [1024, 3],
 ] as const;
+// Cells on a side of a grid that shows as it grows: all that a larger one would show is in its preview.
+const GROWING_SIZE_MAX = 1024,
+  GROWING_MS = 1000; // between requests for its tiles
 const ANIMATION_OPTIONS = ["animation", "fps", "frames", "times", "root_motion"];
 
 export class Runner {
@@ -55,8 +60,10 @@ export class Runner {
     const running = (this.#running = new AbortController());
     try {
       await stopped;
-      for (const size of previewsOf(wish, price)) await this.#preview(wish, size, running.signal);
-      const job = await this.#follow(this.#body(wish), 0, running.signal);
+      const previews = previewsOf(wish, price);
+      for (const size of previews) await this.#preview(wish, size, running.signal);
+      const grows = previews.length > 0 && Number(wish.options["size"]) <= GROWING_SIZE_MAX;
+      const job = await this.#follow(this.#body(wish), 0, running.signal, grows);
       if (job.state === "failed") throw problemOf(job);
       return job.state === "done" && !running.signal.aborted ? job : null;
     } catch (error) {
@@ -118,13 +125,9 @@ export class Runner {
   }
 
   // The job's status; null if there is none.
-  async #cancel(job: string): Promise<JobStatus | null> {
-    try {
-      return await this.api.json<JobStatus>(`/v1/jobs/${job}?ended=keep`, { method: "DELETE" });
-    } catch (error) {
-      if (error instanceof Problem) return null;
-      throw error;
-    }
+  #cancel(job: string): Promise<JobStatus | null> {
+    const path = `/v1/jobs/${job}?ended=keep`;
+    return this.api.json<JobStatus>(path, { method: "DELETE" }).catch(ignoreProblem);
   }
 
   // Ignores a failed preview; the requested job reports the error.
@@ -134,24 +137,43 @@ export class Runner {
       const kept = Object.entries(options).filter(([name]) => !ANIMATION_OPTIONS.includes(name));
       options = { ...Object.fromEntries(kept), animation: wish.options["animation"], time: 0 };
     }
-    try {
-      await this.#follow({ ...this.#body(wish), options, priority: 10 }, size, signal);
-    } catch (error) {
-      if (!(error instanceof Problem)) throw error;
-    }
+    const body = { ...this.#body(wish), options, priority: 10 };
+    await this.#follow(body, size, signal).catch(ignoreProblem);
   }
 
   // Submits a job and shows its states and grids until it has ended.
-  async #follow(body: object, preview: number, signal: AbortSignal): Promise<JobStatus> {
+  async #follow(
+    body: object,
+    preview: number,
+    signal: AbortSignal,
+    grows = false,
+  ): Promise<JobStatus> {
     let job = await this.#submit(body, signal);
     let framesShown = 0;
+    const tiles: ArrayBuffer[] = [];
+    let shown = 0,
+      due = 0;
+    const grow = async () => {
+      if (!grows || job.tiles_done <= shown || performance.now() < due) return;
+      due = performance.now() + GROWING_MS;
+      const path = `/v1/jobs/${job.id}/tiles?after=${shown}`;
+      const response = await this.api.request(path, { signal }).catch(ignoreProblem);
+      if (response?.status !== 200) return; // there are no others yet
+      shown = Number(response.headers.get("X-Voxeld-Next"));
+      tiles.push(await response.arrayBuffer());
+      await this.hooks.onTiles(tiles);
+    };
     const show = async () => {
       signal.throwIfAborted();
       this.#active = hasEnded(job) ? "" : job.id;
       this.hooks.onStatus(job, preview);
-      if (hasEnded(job) || job.frames_done <= framesShown) return;
-      framesShown = job.frames_done;
-      await this.hooks.onGrid(job, preview);
+      if (hasEnded(job)) return;
+      if (job.frames_done > framesShown) {
+        framesShown = job.frames_done;
+        await this.hooks.onGrid(job, preview);
+      } else {
+        await grow();
+      }
     };
     await show();
     if (!hasEnded(job)) {
@@ -164,6 +186,11 @@ export class Runner {
     }
     return job;
   }
+}
+
+function ignoreProblem(error: unknown): null {
+  if (error instanceof Problem) return null;
+  throw error;
 }
 
 function problemOf({ error, state }: JobStatus): Problem {

@@ -129,6 +129,21 @@ export class Stage {
     this.#refineSoon();
   }
 
+  /**
+   * Shows a grid that is still being made: the containers of its first tiles, in place of those of
+   * the preview that is shown. null if that is none of the viewer. Throws as show() does.
+   */
+  async grow(parts: readonly ArrayBuffer[]): Promise<GridInfo | null> {
+    const preview = this.#cache.get(this.path);
+    if (!this.viewer || !preview) return null;
+    const turn = ++this.#showing;
+    try {
+      return await this.viewer.showTiles(parts, preview);
+    } finally {
+      if (turn === this.#showing) this.#settled = turn;
+    }
+  }
+
   clear(): void {
     ++this.#showing;
     this.#shown = this.#info = this.#part = null;

@@ -16,6 +16,7 @@ import { STYLES } from "./draw/styles";
 import { TABLE_COLUMNS, type PackedGrid, type Paint } from "./pack/packed_grid";
 import { pickVoxel } from "./pick";
 import type { Camera, Channel, GridInfo, Hit, Section, Seen, Style, Vec3, Viewer } from "./viewer";
+import type { Encoded } from "./worker_messages";
 
 const IMAGE_SIDE_MAX = 4096;
 // A lost context that the browser does not give back within this time is reported.
@@ -97,9 +98,17 @@ class WebGlViewer implements Viewer {
     return this.#shown?.info ?? null;
   }
 
-  async show(container: ArrayBuffer, options?: { keepCamera?: boolean }): Promise<GridInfo> {
+  show(container: ArrayBuffer, options?: { keepCamera?: boolean }): Promise<GridInfo> {
+    return this.#show({ parts: [container] }, options?.keepCamera ?? false);
+  }
+
+  showTiles(parts: readonly ArrayBuffer[], preview: ArrayBuffer): Promise<GridInfo> {
+    return this.#show({ parts, preview }, true);
+  }
+
+  async #show(encoded: Encoded, keepCamera: boolean): Promise<GridInfo> {
     const channel = this.#channelShown,
-      grid = await this.#decoder.decode(container, channel);
+      grid = await this.#decoder.decode(encoded, channel);
     const info = infoOf(grid);
     this.#shown = {
       grid,
@@ -109,7 +118,7 @@ class WebGlViewer implements Viewer {
       painted: channelIn(grid, channel),
     };
     this.#part = null;
-    if (!options?.keepCamera) this.#view = { ...START, projection: this.#view.projection };
+    if (!keepCamera) this.#view = { ...START, projection: this.#view.projection };
     this.#upload();
     await this.#repaint();
     return info;
@@ -118,7 +127,7 @@ class WebGlViewer implements Viewer {
   async showPart(container: ArrayBuffer | null): Promise<void> {
     const shown = this.#shown,
       channel = this.#channelShown,
-      grid = container && (await this.#decoder.decode(container, channel));
+      grid = container && (await this.#decoder.decode({ parts: [container] }, channel));
     if (!shown || (!grid && !this.#part)) return;
     this.#part = grid && {
       ...shown,

@@ -6,6 +6,7 @@ import { paintOf } from "./pack/paint";
 import type { Channel } from "./viewer";
 import {
   buffersOf,
+  type Encoded,
   type Painted,
   type PaintInput,
   type Request,
@@ -30,8 +31,10 @@ function fail(id: number, error: unknown): void {
   reply({ kind: "failed", id, name, message });
 }
 
-async function decode(id: number, container: ArrayBuffer, channel: Channel | null): Promise<void> {
-  const steps = new Packer(new Uint8Array(container), channel).run();
+async function decode(id: number, grid: Encoded, channel: Channel | null): Promise<void> {
+  const { parts, preview } = grid,
+    bytesOf = (buffer: ArrayBuffer): Uint8Array => new Uint8Array(buffer);
+  const steps = new Packer(parts.map(bytesOf), channel, preview && bytesOf(preview)).run();
   for (let begin = performance.now(); ;) {
     const step = steps.next();
     if (step.done) return reply({ kind: "decoded", id, grid: step.value });
@@ -55,7 +58,7 @@ scope.onmessage = (event) => {
   try {
     if (request.kind === "abort") aborted.add(request.id);
     else if (request.kind === "decode")
-      decode(request.id, request.container, request.channel).catch((error: unknown) =>
+      decode(request.id, request.grid, request.channel).catch((error: unknown) =>
         fail(request.id, error),
       );
     else

@@ -2,7 +2,7 @@
 import { DecodeError } from "./decode/decode_error";
 import type { PackedGrid } from "./pack/packed_grid";
 import type { Channel } from "./viewer";
-import { type Painted, type PaintInput, type Request, type Response } from "./worker_messages";
+import { type Encoded, type Painted, type PaintInput, type Request, type Response } from "./worker_messages";
 
 interface Waiting {
   resolve(response: Response): void;
@@ -31,13 +31,13 @@ export class Decoder {
   }
 
   /**
-   * Decodes a copy of the container, coloured by the channel if it has it. Aborts the decode before,
-   * which rejects with AbortError.
+   * Decodes a copy of the grid, coloured by the channel if it has it. Aborts the decode before, which
+   * rejects with AbortError.
    */
-  async decode(container: ArrayBuffer, channel: Channel | null): Promise<PackedGrid> {
+  async decode(grid: Encoded, channel: Channel | null): Promise<PackedGrid> {
     this.abort();
     const id = (this.#decoding = ++this.#last);
-    const response = await this.#ask({ kind: "decode", id, container, channel });
+    const response = await this.#ask({ kind: "decode", id, grid, channel });
     if (this.#decoding === id) this.#decoding = 0;
     return (response as Extract<Response, { kind: "decoded" }>).grid;
   }

@@ -58,6 +58,12 @@ export interface Viewer {
    */
   show(container: ArrayBuffer, options?: { keepCamera?: boolean }): Promise<GridInfo>;
   /**
+   * Shows a grid that is still being made: the containers of its first tiles, in order, and `preview`,
+   * the same mesh in larger cells, in place of the other tiles, as full blocks of 8 cells. The camera
+   * stays. Rejects as show() does.
+   */
+  showTiles(parts: readonly ArrayBuffer[], preview: ArrayBuffer): Promise<GridInfo>;
+  /**
    * Draws a container of a part of the grid, at any level, in the grid's place; the camera stays.
    * null: the grid again, as does show(). Rejects as show() does.
    */

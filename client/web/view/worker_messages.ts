@@ -2,6 +2,12 @@
 import type { PackedGrid, Paint, Words } from "./pack/packed_grid";
 import type { Channel } from "./viewer";
 
+/** A container, or those of the first tiles of a grid, with a preview of the others (pack/packer.ts). */
+export interface Encoded {
+  readonly parts: readonly ArrayBuffer[];
+  readonly preview?: ArrayBuffer;
+}
+
 /** The parts of a grid that another colour changes or needs. */
 export type PaintInput = Pick<
   PackedGrid,
@@ -19,7 +25,7 @@ export type Request =
   | {
       readonly kind: "decode";
       readonly id: number;
-      readonly container: ArrayBuffer;
+      readonly grid: Encoded;
       readonly channel: Channel | null;
     }
   | {

@@ -6,6 +6,9 @@
 // NAME.voxg is a container, NAME.tables its tables by server/render (the layout is below), and
 // list.json names the containers and, for each byte of some of them changed in three ways, whether
 // the C++ decoder refuses the result and with which text.
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -176,6 +179,33 @@ void add_grids_with_full_nodes(Maker& maker) {
             std::span(&whole, 1), true);
 }
 
+// A grid, its tiles in two parts, and previews: other voxels, in cells of so many of the grid's.
+void add_growing_grid(Maker& maker) {
+  std::mt19937 random(6);
+  const std::array<int, 3> dims = {700, 500, 301};
+  const ChannelSet channels = {.color = true};
+  const GridHeader header = header_of(dims, channels);
+  auto tiles = test::tiles_of(test::random_voxels(random, dims, 3000), channels);
+  std::ranges::sort(tiles, {}, [](const SparseTile& tile) { return tile_order(tile); });
+  maker.add("growing", header, tiles);
+  maker.add("growing_begin", header, std::span(tiles).first(5));
+  maker.add("growing_end", header, std::span(tiles).subspan(5));
+  const auto add_preview = [&](const std::string& name, double cells, std::array<int, 3> coarse,
+                               std::span<const SparseTile> voxels) {
+    GridHeader preview = header_of(coarse, {});
+    for (double& edge : preview.voxel_size) edge *= cells;
+    maker.add(name, preview, voxels);
+  };
+  for (const double cells : {8.0, 5.5}) {
+    const auto side = [&](size_t c) { return static_cast<int>(std::ceil(dims[c] / cells)); };
+    const std::array<int, 3> coarse = {side(0), side(1), side(2)};
+    add_preview(cells == 8 ? "preview_8" : "preview_5", cells, coarse,
+                test::tiles_of(test::random_voxels(random, coarse, 500), ChannelSet()));
+  }
+  const SparseTile full = test::tile_with_full_nodes(random, ChannelSet());
+  add_preview("preview_2", 2, {256, 256, 256}, std::span(&full, 1));
+}
+
 bool make(const std::filesystem::path& directory) {
   Maker maker(directory);
   const ChannelSet both = {.color = true, .normal = true};
@@ -187,6 +217,7 @@ bool make(const std::filesystem::path& directory) {
   maker.add("small", small, test::tiles_of(box, ChannelSet()));
   add_random_grids(maker);
   add_grids_with_full_nodes(maker);
+  add_growing_grid(maker);
   // Empty parts of all sizes, and rows that are joined for the hull.
   std::mt19937 random(5);
   maker.add("large", header_of({5000, 2500, 1300}, {.normal = true}),

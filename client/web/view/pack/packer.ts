@@ -3,7 +3,7 @@
 import { channelIn, CHANNELS, ownChannel } from "../decode/channels";
 import { brokenGrid, openContainer, type Container, type TileEntry } from "../decode/container";
 import { fail } from "../decode/decode_error";
-import { bitCount, compact } from "../decode/morton";
+import { bitCount, compact, mortonOf } from "../decode/morton";
 import {
   checkFullNodes,
   checkMasks,
@@ -33,6 +33,7 @@ import {
 } from "./packed_grid";
 
 const TILE_LEVELS = 5; // from a brick up to a tile
+const SLACK = 1e-6; // of a brick's side, within which cells of two grids count as aligned
 
 interface OpenTile {
   readonly entry: TileEntry;
@@ -41,6 +42,11 @@ interface OpenTile {
 
 function bytesOf(words: Words): Uint8Array<ArrayBuffer> {
   return new Uint8Array(words.buffer);
+}
+
+/** The first cell of a tile. */
+function cornerOf(coord: Vec3): Vec3 {
+  return [256 * coord[0], 256 * coord[1], 256 * coord[2]];
 }
 
 function needWords(what: string, words: number): void {
@@ -69,15 +75,21 @@ export class Packer {
   #hasFull = false;
 
   /**
-   * channel: colours the grid if it has it. Throws a DecodeError, also for grids of more words than
+   * parts: a container, or those of a grid's first tiles, in order. channel: colours the grid if it
+   * has it. preview: the same mesh in larger cells, whose voxels are drawn as full bricks in place
+   * of the tiles that follow. Throws a DecodeError, also for grids of more words than
    * TABLE_WORDS_MAX.
    */
   constructor(
-    bytes: Uint8Array,
+    parts: readonly Uint8Array[],
     private readonly channel: Channel | null = null,
+    private readonly preview: Uint8Array | undefined = undefined,
   ) {
-    this.#container = openContainer(bytes);
-    const { dims, tiles } = this.#container;
+    const opened = parts.map(openContainer),
+      tiles = opened.flatMap((part) => part.tiles);
+    const voxelCount = opened.reduce((sum, part) => sum + part.voxelCount, 0);
+    this.#container = { ...opened[0]!, tiles, voxelCount };
+    const { dims } = this.#container;
     const bricks = tiles.reduce((sum, tile) => sum + tile.brickCount, 0);
     needWords("bricks", bricks * BRICK_WORDS);
     const side = (cells: number): number => Math.ceil(cells / 256);
@@ -93,6 +105,10 @@ export class Packer {
   *run(): Generator<void, PackedGrid> {
     for (const entry of this.#container.tiles) {
       this.#addTile(entry);
+      yield;
+    }
+    if (this.preview) {
+      this.#addPreview(openContainer(this.preview));
       yield;
     }
     needWords("voxels with attributes", this.#attributeCount);
@@ -162,9 +178,10 @@ export class Packer {
     low[0] = Math.min(low[0]!, x);
     low[1] = Math.min(low[1]!, y);
     low[2] = Math.min(low[2]!, z);
-    high[0] = Math.max(high[0]!, x + side);
-    high[1] = Math.max(high[1]!, y + side);
-    high[2] = Math.max(high[2]!, z + side);
+    const { dims } = this.#container;
+    high[0] = Math.min(dims[0], Math.max(high[0]!, x + side));
+    high[1] = Math.min(dims[1], Math.max(high[1]!, y + side));
+    high[2] = Math.min(dims[2], Math.max(high[2]!, z + side));
   }
 
   /** Grows the box by the voxels of a brick. A brick inside the box costs nothing. */
@@ -203,13 +220,12 @@ export class Packer {
     const codes = octree.read(this.#masks, firstByte, 4 * BRICK_WORDS, full);
     checkFullNodes(full);
     if (channels.length === 0) checkMasks(this.#masks, firstByte, 4 * BRICK_WORDS, codes.length);
-    const base: Vec3 = [256 * entry.coord[0], 256 * entry.coord[1], 256 * entry.coord[2]];
+    const base = cornerOf(entry.coord);
     this.#checkCells(base, codes, firstByte, full, dims);
     this.#tiles.push({ entry, attributeVoxels: octree.maskVoxels });
     this.#hasFull ||= full.length > 0;
     for (const node of full) this.#rows.addFull(node, base);
-    const place =
-      entry.coord[0] + this.#tileDims[0] * (entry.coord[1] + this.#tileDims[1] * entry.coord[2]);
+    const place = this.#placeOf(entry.coord);
     if (full.length > 0 && full[0]!.level === TILE_LEVELS) {
       this.#nodes[place] = FULL;
       this.#growBox(base[0], base[1], base[2], 256);
@@ -219,11 +235,73 @@ export class Packer {
     this.#nodes[place] = CHILD | table;
     for (const node of full) this.#addFull(node, base, table);
     for (let i = 0; i < codes.length; ++i) this.#addBrick(codes[i]!, base, table);
+    this.#markEmpty(table);
+  }
+
+  /** Marks the empty parts of a tile whose voxels are all there. */
+  #markEmpty(table: number): void {
     for (let i = 0; i < TILE_ENTRIES; ++i) {
       const block = this.#nodes[table + i]!;
       if ((block & CHILD) !== 0) markEmptyCubes(this.#nodes, block & ~CHILD, [4, 4, 4], 3);
     }
     markEmptyCubes(this.#nodes, table, [8, 8, 8], 5);
+  }
+
+  /** Fills bricks of the tiles that follow. */
+  #addPreview(preview: Container): void {
+    const { dims, origin, voxelSize, tiles } = this.#container,
+      last = tiles.at(-1);
+    const done = last ? mortonOf(...last.coord) : -1,
+      tables = new Map<number, number>(); // of places
+    const fill = (cell: Vec3, side: number): void => {
+      const bricks = (c: number, end: 0 | 1): number =>
+        (preview.origin[c]! + preview.voxelSize[c]! * (cell[c]! + end * side) - origin[c]!) /
+        (8 * voxelSize[c]!);
+      const low = (c: number): number => Math.max(0, Math.floor(bricks(c, 0) + SLACK));
+      const high = (c: number): number =>
+        Math.min(Math.ceil(dims[c]! / 8), Math.ceil(bricks(c, 1) - SLACK));
+      for (let z = low(2); z < high(2); ++z) {
+        for (let y = low(1); y < high(1); ++y) {
+          for (let x = low(0); x < high(0); ++x) {
+            const coord: Vec3 = [x >> 5, y >> 5, z >> 5];
+            if (mortonOf(...coord) <= done) continue;
+            const place = this.#placeOf(coord),
+              table = tables.get(place) ?? this.#grow(TILE_ENTRIES);
+            tables.set(place, table);
+            this.#nodes[place] = CHILD | table;
+            const node = { code: mortonOf(x & 31, y & 31, z & 31), level: 0 },
+              base = cornerOf(coord);
+            this.#addFull(node, base, table);
+            this.#rows.addFull(node, base);
+          }
+        }
+      }
+    };
+    for (const { coord, octree: stream } of preview.tiles) {
+      const octree = new Octree(decompressStream(stream, OCTREE_BYTES_MAX)),
+        base = cornerOf(coord);
+      const full: FullNode[] = [],
+        masks = new Uint8Array(64 * octree.bricks);
+      const cornerIn = (code: number, side: number): Vec3 => [
+        base[0] + side * compact(code),
+        base[1] + side * compact(code >> 1),
+        base[2] + side * compact(code >> 2),
+      ];
+      octree.read(masks, 0, 64, full).forEach((code, b) => {
+        for (let i = 0; i < 512; ++i) {
+          if (((masks[64 * b + (i >> 3)]! >> (i & 7)) & 1) !== 0) {
+            fill(cornerIn(512 * code + i, 1), 1);
+          }
+        }
+      });
+      for (const { code, level } of full) fill(cornerIn(code, 8), 8 << level);
+    }
+    this.#hasFull ||= tables.size > 0;
+    for (const table of tables.values()) this.#markEmpty(table);
+  }
+
+  #placeOf(coord: Vec3): number {
+    return coord[0] + this.#tileDims[0] * (coord[1] + this.#tileDims[1] * coord[2]);
   }
 
   /** Refuses voxels outside dims. */
@@ -354,7 +432,7 @@ export class Packer {
 
 /** Packs at once. Throws a DecodeError. */
 export function packGrid(bytes: Uint8Array): PackedGrid {
-  const steps = new Packer(bytes).run();
+  const steps = new Packer([bytes]).run();
   for (;;) {
     const step = steps.next();
     if (step.done) return step.value;
