@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT / "docs"))
 import read_grid  # noqa: E402
 
 # Some hundred tiles.
-LARGE = {"size": 2000, "channels": "occupancy,color", "cache": "no"}
+LARGE = {"size": 1600, "channels": "occupancy,color", "cache": "no"}
 
 
 class JobTiles(DaemonTest):
@@ -104,7 +104,7 @@ class JobTiles(DaemonTest):
                 self.assert_union(containers, self.grid_of(job))
 
     def test_a_solid_comes_with_the_end_of_its_job(self):
-        job = self.submit(size=600, fill="solid", cache="no")
+        job = self.submit(size=300, fill="solid", cache="no")
         containers, states = self.follow(job)
         self.assertEqual(set(states), {"done"})
         self.assert_union(containers, self.grid_of(job))

@@ -1,7 +1,6 @@
 """The main job: a mesh in, a grid and an image out, the same bytes on every driver and pipeline."""
 import hashlib
 import io
-import os
 import subprocess
 import unittest
 
@@ -112,36 +111,56 @@ class OneShotWithoutGl(OneShot):
 
 
 class DriversTest(unittest.TestCase):
-    def hashes(self, mesh, query):
+    def by_each(self, make):
+        """What make(daemon, pipeline) returns, by (driver, pipeline)."""
         result = {}
-        body = pathlib.Path(mesh).read_bytes()
         for device, pipelines in DEVICES.items():
             daemon = Daemon(device=device)
             try:
                 for pipeline in pipelines:
-                    response = daemon.post(
-                        f"/v1/voxelize?{query}&pipeline={pipeline}&cache=no&format=native"
-                        f"&filename={os.path.basename(mesh)}", body)
-                    self.assertEqual(response.status, 200, response.body)
-                    self.assertEqual(response.headers["X-Voxeld-Pipeline"], pipeline)
-                    result[device, pipeline] = response.headers["X-Voxeld-Content-Hash"]
+                    result[device, pipeline] = make(daemon, pipeline)
             finally:
                 daemon.stop()
         return result
+
+    def hash_of(self, daemon, pipeline, mesh, query):
+        """The content hash of a mesh's grid."""
+        mesh = pathlib.Path(mesh)
+        response = daemon.post(
+            f"/v1/voxelize?{query}&pipeline={pipeline}&cache=no&format=native&filename={mesh.name}",
+            mesh.read_bytes())
+        self.assertEqual(response.status, 200, response.body)
+        self.assertEqual(response.headers["X-Voxeld-Pipeline"], pipeline)
+        return response.headers["X-Voxeld-Content-Hash"]
 
 
 class EveryDriverAndPipeline(DriversTest):
     """One content hash for all of them. long/test_main_job_drivers.py has a real mesh."""
 
-    def test_coloured_sample_has_one_hash(self):
-        directory = tempfile.mkdtemp(prefix="voxeld-fixtures-")
-        try:
-            make_fixtures(directory)
-            hashes = self.hashes(f"{directory}/sample.glb", "size=96&channels=occupancy,color,normal")
-        finally:
-            shutil.rmtree(directory)
+    def frames_of(self, daemon, pipeline, file):
+        """Content hashes of a file's frames."""
+        job = daemon.submit(kind="voxelize", asset=daemon.upload(file), options={
+            "animation": "0", "size": 24, "fps": 6, "channels": "color,normal", "pipeline": pipeline})
+        status = daemon.wait(job)
+        self.assertEqual(status["state"], "done", status)
+        return [f["content_hash"] for f in daemon.get(f"/v1/jobs/{job}/frames").json()["frames"]]
+
+    def test_coloured_sample_and_frames_have_one_hash_each(self):
+        fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
+        self.addCleanup(shutil.rmtree, fixtures)
+        make_fixtures(fixtures)
+
+        def make(daemon, pipeline):
+            query = "size=96&channels=occupancy,color,normal"
+            return [[self.hash_of(daemon, pipeline, fixtures / "sample.glb", query)],
+                    *(self.frames_of(daemon, pipeline, fixtures / name)
+                      for name in ("worm.md5.zip", "spin.glb"))]
+        hashes = self.by_each(make)
         self.assertEqual(len(hashes), sum(map(len, DEVICES.values())))
-        self.assertEqual(len(set(hashes.values())), 1, hashes)
+        expected = hashes["cpu", "cpu"]
+        self.assertTrue(all(len(set(frames)) > 2 for frames in expected[1:]), expected)
+        for what, found in hashes.items():
+            self.assertEqual(found, expected, what)
 
 
 if __name__ == "__main__":

@@ -161,7 +161,8 @@ class Render(RenderTest):
 
     def test_the_largest_image(self):
         response = self.daemon.post(
-            "/v1/render?size=16&width=4096&height=4096&filename=sample.glb", self.fixture("sample.glb"))
+            "/v1/render?size=16&width=4096&height=4096&occlusion=no&shadow=no&filename=sample.glb",
+            self.fixture("sample.glb"))
         self.assertEqual(response.status, 200)
         self.assertEqual(struct.unpack(">II", response.body[16:24]), (4096, 4096))
 

@@ -79,8 +79,9 @@ class Volumes(DaemonTest):
         for query in (SURFACE, SOLID, BAND):
             for place in PLACES + ("&dtype=float32",):
                 grid = self.npz(query + place)
+                names = self.channels(grid)
                 for form, read in ONE_ARRAY.items():
-                    for name in self.channels(grid):
+                    for name in names[-1:] if place else names:
                         volume = read(self.voxelize(f"{query}{place}&format={form}&channel={name}").body)
                         self.check_same(volume.arrays[name], self.expected(grid, name), (form, query, place, name))
                         self.check_place(volume, grid, 1e-6 if form == "nii" else 1e-12)

@@ -29,13 +29,13 @@ namespace {
 // Bounds of the mean and the 95th percentile, of 255, at every size.
 constexpr double kMeanMax = 2.0, kP95Max = 10.0;
 
-// At 16 most charts and triangles are smaller than a voxel. At 128 they are larger, and so are the
+// At 16 most charts and triangles are smaller than a voxel. At 96 they are larger, and so are the
 // texels of one atlas. The oracle's time grows with the square of the size.
 std::vector<int> grid_sizes() {
 #ifdef VOXELD_SANITIZED
   return {16, 48};  // the oracle of the others takes a quarter of an hour
 #else
-  return by_form<int>({16, 48, 128}, {16, 32, 48, 64, 128, 256});
+  return by_form<int>({16, 48, 96}, {16, 32, 48, 64, 128, 256});
 #endif
 }
 
