@@ -99,6 +99,8 @@ struct VoxelizeOptions {
   // Whether voxels get distances, which need a sign.
   bool measures() const { return channels ? channels->distance : fill == Fill::kBand; }
   bool has_inside() const { return fill == Fill::kSolid || fill == Fill::kShell; }
+  // Whether no tile is final before the whole surface is there: for fills and signs of distances.
+  bool needs_whole_surface() const { return fill != Fill::kSurface || measures(); }
 };
 
 // The animation and its times. All unset: the pose in which the file leaves the mesh.

@@ -101,11 +101,6 @@ Status run_tiles(TilePipeline& pipeline, CpuPipeline* finisher, const VoxelizePl
   return {};
 }
 
-// True if the whole surface is needed at once: for fills, and for the signs of distances.
-bool needs_all_tiles(const VoxelizeOptions& options, const WantedChannels& channels) {
-  return options.fill != Fill::kSurface || channels.grid.distance;
-}
-
 }  // namespace
 
 struct Voxelizer::Impl {
@@ -189,7 +184,7 @@ Result<int64_t> Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh
     bytes += auto_sign_bytes(placed.spec.dims, surface.bytes(WantedChannels()));
   }
   bytes += tree_bytes(options, static_cast<int64_t>(scene.triangle_count()));
-  if (needs_all_tiles(options, channels)) bytes += FillMesh::own_bytes(scene, mesh);
+  if (options.needs_whole_surface()) bytes += FillMesh::own_bytes(scene, mesh);
   // The cells of a band are estimated by that mesh, which is made for it.
   VOXELD_TRY(check_host_bytes(placed.spec, bytes, host_bytes_max));
   bytes += distance_bytes(scene, mesh, placed, options, channels);
@@ -249,7 +244,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   if (plan.channels.grid.distance) VOXELD_TRY(check_distance_unit(placed.spec, options.distance));
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
   // A close estimate takes time, so it is made only for grids that might not fit.
-  const bool fills = needs_all_tiles(options, plan.channels);
+  const bool fills = options.needs_whole_surface();
   const bool estimates =
       keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left);
   VOXELD_TRY(between_steps(progress));
@@ -407,7 +402,7 @@ Status Voxelizer::Impl::run_plan(VoxelizePlan& plan, SharedFrames* frames, TileS
   add_stage(stats.passes, "bin", watch.lap());
   VOXELD_TRY(between_steps(progress));
   VOXELD_ASSIGN(const Pipeline chosen, choose(plan, bins.bins(), frames, stats));
-  if (needs_all_tiles(plan.options, plan.channels)) {
+  if (plan.options.needs_whole_surface()) {
     return run_solid(*pipeline(chosen), plan, frames, bins, sink, progress, stats);
   }
   const size_t steps = bins.bins().size();
@@ -453,7 +448,7 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, S
   VoxelizePlan plan{scene, of_surface, channels};
   plan.keeps_inside = keeps_inside;
   VOXELD_TRY(impl_->check_faults(options.pipeline, plan.channels));
-  const bool keeps_tiles = needs_all_tiles(options, plan.channels) || sink.keeps_tiles();
+  const bool keeps_tiles = options.needs_whole_surface() || sink.keeps_tiles();
   VOXELD_TRY(impl_->plan_job(scene, options, frames, keeps_tiles, progress, plan, *stats));
   VOXELD_TRY(impl_->run_plan(plan, frames, sink, progress, *stats));
   if (frames != nullptr) frames->keep_mesh(std::move(plan.mesh));

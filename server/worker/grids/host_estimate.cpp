@@ -116,11 +116,6 @@ struct GridSize {
   int64_t tree_bytes = 0;  // of the mesh's triangles, while it is made
 };
 
-// Fills and distances need all tiles of the surface at once.
-bool needs_all_tiles(const VoxelizeOptions& options) {
-  return options.fill != Fill::kSurface || options.measures();
-}
-
 // Tiles that stages of steps keep, and the bits of the tile that each thread makes; runs of cells
 // and components of voxels.
 int64_t morphology_bytes(const TileSource& source, const OutputOptions& output) {
@@ -150,7 +145,7 @@ GridSize grid_size(const Engine& engine, const Scene& scene, const RequestOption
   const VoxelizeOptions& asked = options.voxelize;
   const GridSize dense = {dense_result_bytes(placed.spec, wanted_channels(scene, asked)),
                           placed.spec.cell_count()};
-  if (!needs_all_tiles(asked) && dense.bytes <= kDenseBytesMin) return dense;
+  if (!asked.needs_whole_surface() && dense.bytes <= kDenseBytesMin) return dense;
   const auto closer = engine.voxelizer.estimate(scene, asked);
   if (!closer) return dense;
   return {std::min(dense.bytes, closer->host_bytes - closer->tree_bytes),
@@ -192,7 +187,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   const WantedChannels channels = wanted_channels(scene, asked);
   const GridSize size = grid_size(engine, scene, options, placed);
   int64_t result = size.bytes;
-  const bool keeps = needs_all_tiles(asked) || output.file_layout().kind != FileLayout::kTiles;
+  const bool keeps = asked.needs_whole_surface() || output.file_layout().kind != FileLayout::kTiles;
   if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
   result += result / 4;  // growing arrays reserve more than they use
   const int64_t records =
