@@ -90,6 +90,42 @@ test("a close camera sees the voxels of a large grid", async ({ page }) => {
   await expect.poll(async () => (await cells()).odd).toBe(0);
 });
 
+test("a box leaves the cells between its ends", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  const canvas = page.locator("#canvas"),
+    pick = page.locator("#pick"),
+    end = name => page.getByLabel(`Box along ${name}`);
+  const box = await canvas.boundingBox();
+  const picked = async () => {
+    await canvas.hover({ position: { x: box.width / 12, y: box.height / 12 } });
+    await canvas.hover({ position: { x: box.width / 2, y: box.height / 2 } });
+    return (await pick.isHidden()) ? null : cellOf(await pick.textContent());
+  };
+  const [, y] = await picked();
+  await page.check('#card-look input[value="box"]', { force: true });
+  expect((await picked())[1]).toBe(y);
+  await end("y from").fill(String(y + 1));
+  expect((await picked())?.[1] ?? y + 1).toBeGreaterThan(y);
+  await expect(page.locator("#card-look output").nth(2)).toHaveText(
+    new RegExp(`^${y + 1}–(\\d+) / \\1$`),
+  );
+  // Ends that have passed each other, and another grid, for which they stay where they are.
+  await end("y to").fill("0");
+  await expect(page.locator("#card-look output").nth(2)).toHaveText(new RegExp(`^0–${y + 1} / `));
+  expect((await picked())?.[1] ?? 0).toBeLessThanOrEqual(y);
+  await resize(page, 128);
+  await shown(page, 128);
+  const half = Math.round((y + 1) / 2);
+  await expect(page.locator("#card-look output").nth(2)).toHaveText(
+    new RegExp(`^0–(${half - 1}|${half}) / `),
+  );
+  await page.check('#card-look input[value=""]', { force: true });
+  await expect(end("y to")).toBeHidden();
+  expect(await picked()).not.toBeNull();
+});
+
 test("a grid without voxels has none, and is no animation", async ({ page }) => {
   await page.route("**/v1/jobs/*", async route => {
     const response = await route.fetch(),
@@ -320,7 +356,7 @@ test("the view turns by keys, is cut by a section and keeps its camera", DRAWN, 
   expect(camera).toMatchObject({ azimuth: "50.0", elevation: "20.0" });
   const whole = await view.screenshot();
   await page.check('#card-look input[value="y"]', { force: true });
-  await expect(page.locator("#card-look output")).toHaveText(/^\d+ \/ \d+$/);
+  await expect(page.locator("#card-look output[for=cut]")).toHaveText(/^\d+ \/ \d+$/);
   await expect.poll(() => differing(page, whole)).toBeGreaterThan(0.05);
   await page.check('#card-look input[value=""]', { force: true });
   await expect.poll(() => differing(page, whole)).toBeLessThan(0.02);
@@ -328,7 +364,7 @@ test("the view turns by keys, is cut by a section and keeps its camera", DRAWN, 
   await page.selectOption("#card-look select", "clay");
   await resize(page, 64);
   await shown(page, 64);
-  await expect(page.locator("#card-look output")).toHaveText(/^\d+ \/ \d+$/);
+  await expect(page.locator("#card-look output[for=cut]")).toHaveText(/^\d+ \/ \d+$/);
   await expect.poll(() => differing(page, whole)).toBeGreaterThan(0.05);
   expect(await cameraOf(page)).toEqual(camera);
 });

@@ -247,7 +247,7 @@ test("a grid shows as it grows", async ({ page }) => {
   await page.click("#run");
   await expect(page.locator("#facts")).toContainText("Preview");
   // Cells of the grid that is wanted, of which some are the preview's.
-  await expect(page.locator("#card-look output")).toHaveText(/^\d+ \/ (1000|[4-9]\d\d)$/);
+  await expect(page.locator("#card-look output[for=cut]")).toHaveText(/^\d+ \/ (1000|[4-9]\d\d)$/);
   await expect(page.locator("#facts")).toContainText("Preview");
   const box = await page.locator("#canvas").boundingBox();
   const cells = [];

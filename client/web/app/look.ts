@@ -4,14 +4,24 @@ import type { GridMeta, NamedId } from "./model";
 import { START } from "../view/controls";
 import type { Stage } from "./stage";
 import { hexOf, names, t, T } from "./texts";
-import type { Channel, Hit, Section, Style } from "../view/viewer";
+import type { Channel, Hit, Section, Style, Vec3 } from "../view/viewer";
 
 const STYLES = ["voxel", "smooth", "clay", "iso", "blueprint"] as const;
 const AXES = ["x", "y", "z"] as const;
 type Axis = (typeof AXES)[number];
+const BOX = "box";
+type Cut = Axis | typeof BOX | "";
+
+// Makes a slider's range that of a grid, and puts it to a share of the range, or to that of before.
+function rescale(slider: HTMLInputElement, cells: number, share: number, keeps: boolean): void {
+  const before = Number(slider.max);
+  const kept = keeps && before > 0 ? Number(slider.value) / before : share;
+  slider.max = String(cells);
+  slider.value = String(Math.round(cells * kept));
+}
 
 export class Look {
-  #axis: Axis | "" = "";
+  #axis: Cut = "";
   #isFlipped = false;
   readonly #channels = h("select");
   readonly #channelField: HTMLElement;
@@ -23,6 +33,24 @@ export class Look {
   });
   readonly #cutRow: HTMLElement;
   readonly #cutText = h("output", { htmlFor: "cut" });
+  // The ends of the box along each axis, and their cells as text.
+  readonly #ends = AXES.map(axis =>
+    [T.boxFrom, T.boxTo].map(text =>
+      h("input", {
+        type: "range",
+        "aria-label": t(text, { axis }),
+        oninput: () => this.#showCut(),
+      }),
+    ),
+  );
+  readonly #endsTexts = AXES.map(() => h("output"));
+  readonly #boxRows = h(
+    "div",
+    { hidden: true },
+    ...AXES.map((axis, k) =>
+      h("div", { className: "row cut" }, axis, ...this.#ends[k]!, this.#endsTexts[k]),
+    ),
+  );
   #meta: GridMeta = {};
   #from: Hit["cell"] | null = null; // where a measure begins, in the grid's cells
 
@@ -64,11 +92,16 @@ export class Look {
       this.#channelField,
       segments(
         T.section,
-        [["", T.sectionOff], ...AXES.map((value): Choice => [value, value])],
+        [
+          ["", T.sectionOff],
+          ...AXES.map((value): Choice => [value, value]),
+          ...(stage.viewer ? [[BOX, T.box] as const] : []), // the daemon's pictures have none
+        ],
         "",
-        value => this.#choose(value as Axis | ""),
+        value => this.#choose(value as Cut),
       ),
       this.#cutRow,
+      this.#boxRows,
       h(
         "div",
         { className: "row" },
@@ -118,20 +151,26 @@ export class Look {
     return String(Number((stored * edge).toPrecision(4)));
   }
 
-  #choose(axis: Axis | "", keepsPlace = false): void {
+  #choose(axis: Cut, keepsPlace = false): void {
     const grid = this.stage.grid;
     this.#axis = axis;
-    this.#cutRow.hidden = !axis || !grid;
-    if (axis && grid) {
-      const cells = grid.dims[AXES.indexOf(axis)] as number;
-      const share =
-        keepsPlace && Number(this.#cut.max) > 0
-          ? Number(this.#cut.value) / Number(this.#cut.max)
-          : 0.5;
-      this.#cut.max = String(cells);
-      this.#cut.value = String(Math.round(cells * share));
+    this.#cutRow.hidden = !axis || axis === BOX || !grid;
+    this.#boxRows.hidden = axis !== BOX || !grid;
+    if (grid && axis === BOX) {
+      this.#ends.forEach((ends, k) =>
+        ends.forEach((slider, end) => rescale(slider, grid.dims[k]!, end, keepsPlace)),
+      );
+    } else if (grid && axis) {
+      rescale(this.#cut, grid.dims[AXES.indexOf(axis as Axis)]!, 0.5, keepsPlace);
     }
     this.#showCut();
+  }
+
+  // A coarser level's cells are several of the grid's on a side, the last ones fewer.
+  #cellsOf(k: number, cut: number): readonly [cells: number, total: number] {
+    const scale = 2 ** this.stage.level,
+      total = this.#meta.dims?.[k] ?? this.stage.grid!.dims[k]! * scale;
+    return [Math.min(total, cut * scale), total];
   }
 
   #showCut(): void {
@@ -140,13 +179,25 @@ export class Look {
       this.stage.section = { plane: null, box: null };
       return;
     }
+    const placeOf = (k: number, cut: number) => grid.origin[k]! + cut * grid.voxelSize[k]!;
+    if (this.#axis === BOX) {
+      const corners = this.#ends.map((ends, k) => {
+        const [low, high] = ends.map(slider => Number(slider.value)).sort((a, b) => a - b) as [
+          number,
+          number,
+        ];
+        const [end, total] = this.#cellsOf(k, high);
+        this.#endsTexts[k]!.textContent = `${this.#cellsOf(k, low)[0]}–${end} / ${total}`;
+        return [placeOf(k, low), placeOf(k, high)] as const;
+      });
+      const corner = (end: 0 | 1) => corners.map(ends => ends[end]) as unknown as Vec3;
+      this.stage.section = { plane: null, box: [corner(0), corner(1)] };
+      return;
+    }
     const k = AXES.indexOf(this.#axis);
     const cut = Number(this.#cut.value);
-    const place = (grid.origin[k] as number) + cut * (grid.voxelSize[k] as number);
-    // A coarser level's cells are several of the grid's on a side, the last ones fewer.
-    const scale = 2 ** this.stage.level;
-    const total = this.#meta.dims?.[k] ?? (grid.dims[k] as number) * scale;
-    const cells = Math.min(total, cut * scale);
+    const place = placeOf(k, cut);
+    const [cells, total] = this.#cellsOf(k, cut);
     this.#cutText.textContent = `${cells} / ${total}`;
     this.#cut.setAttribute("aria-valuetext", t(T.sectionAt, { n: cells, total }));
     const sign = this.#isFlipped ? -1 : 1;

@@ -342,8 +342,9 @@ export class Take {
     this.onNote(t(T.preparing, { name }));
     const { camera, channel, style, section, viewer } = this.stage;
     let blob: Blob;
-    if (viewer && (channel || camera.pan.some(value => value !== 0))) {
-      blob = await viewer.image(width, height, this.#transparent.checked); // the daemon has no pan and no channels
+    // The daemon has no pan, no channels and no box.
+    if (viewer && (channel || section.box || camera.pan.some(value => value !== 0))) {
+      blob = await viewer.image(width, height, this.#transparent.checked);
     } else {
       const query = new URLSearchParams({
         width: String(width),
