@@ -286,9 +286,9 @@ SampleStream::SampleStream(const SampleArray& array, std::string_view name)
 
 Status SampleStream::add(std::span<const uint8_t> bytes) {
   if (!partial_row_.empty()) {
-    const size_t missing = std::min(bytes.size(), row_bytes_ - partial_row_.size());
-    partial_row_.insert(partial_row_.end(), bytes.begin(),
-                        bytes.begin() + static_cast<ptrdiff_t>(missing));
+    const size_t had = partial_row_.size(), missing = std::min(bytes.size(), row_bytes_ - had);
+    partial_row_.resize(had + missing);
+    std::copy_n(bytes.data(), missing, partial_row_.data() + had);
     bytes = bytes.subspan(missing);
     if (partial_row_.size() < row_bytes_) return {};
     VOXELD_TRY(add_row(partial_row_.data()));

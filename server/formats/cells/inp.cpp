@@ -223,10 +223,9 @@ std::string set_lines(std::span<const uint32_t> elements) {
   std::array<char, 11 * kInpSetLine> line{};
   for (size_t begin = 0; begin < elements.size(); begin += kInpSetLine) {
     char* end = line.data();
-    for (size_t i = begin; i < std::min(begin + kInpSetLine, elements.size()); ++i) {
-      end = put_number(end, elements[i], ',');
-    }
-    end[-1] = '\n';
+    const size_t last = std::min(begin + kInpSetLine, elements.size()) - 1;
+    for (size_t i = begin; i < last; ++i) end = put_number(end, elements[i], ',');
+    end = put_number(end, elements[last], '\n');
     text.append(line.data(), end);
   }
   return text;

@@ -41,12 +41,20 @@ void guarded_call(Parser& parser, const Call& call) {
   if (parser.error || parser.thrown) XML_StopParser(parser.expat, XML_FALSE);
 }
 
+// The line that is read, from 1.
+int64_t line_of(XML_Parser expat) {
+#if XML_MAJOR_VERSION * 100 + XML_MINOR_VERSION >= 209  // which deprecates the other
+  return static_cast<int64_t>(XML_GetCurrentLineNumber64(expat));
+#else
+  return static_cast<int64_t>(XML_GetCurrentLineNumber(expat));
+#endif
+}
+
 void on_start(void* user, const char* name, const char** attributes) {
   Parser& parser = *static_cast<Parser*>(user);
   guarded_call(parser, [&] {
     const auto [space, local] = split_name(name);
-    return parser.handlers.start(
-        {space, local, static_cast<int64_t>(XML_GetCurrentLineNumber(parser.expat)), attributes});
+    return parser.handlers.start({space, local, line_of(parser.expat), attributes});
   });
 }
 
@@ -71,8 +79,8 @@ void on_prefix(void* user, const char* prefix, const char* space) {
 void on_doctype(void* user, const char*, const char*, const char*, int) {
   Parser& parser = *static_cast<Parser*>(user);
   guarded_call(parser, [&] {
-    return malformed_line(parser.file, static_cast<int64_t>(XML_GetCurrentLineNumber(parser.expat)),
-                          "a document type declaration", "none", "<!DOCTYPE");
+    return malformed_line(parser.file, line_of(parser.expat), "a document type declaration", "none",
+                          "<!DOCTYPE");
   });
 }
 
@@ -106,7 +114,7 @@ Status read_xml(std::string_view name, std::span<const uint8_t> bytes,
   if (parser.thrown) std::rethrow_exception(parser.thrown);
   if (parser.error) return *std::move(parser.error);
   if (status == XML_STATUS_OK) return {};
-  return malformed_line(name, static_cast<int64_t>(XML_GetCurrentLineNumber(expat.get())),
+  return malformed_line(name, line_of(expat.get()),
                         std::string("not XML: ") + XML_ErrorString(XML_GetErrorCode(expat.get())));
 }
 
