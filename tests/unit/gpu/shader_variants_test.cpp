@@ -1,18 +1,18 @@
 // Every variant of shaders/variants.txt is valid GLSL 4.50 by Khronos' reference compiler, which is
 // stricter than Mesa; and every entry point stands in that table.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
+#include <optional>
 #include <set>
 #include <sstream>
 
 #include "server/gpu/shader_source.h"
 #include "shaders/embedded.h"
+#include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld::gpu {
 namespace {
@@ -47,30 +47,16 @@ bool is_entry_point(std::string_view name) {
   return false;
 }
 
-// A folder that ends with its test.
-class Folder {
- public:
-  Folder() {
-    path_ = (std::filesystem::temp_directory_path() / "voxeld-shaders-XXXXXX").string();
-    EXPECT_NE(::mkdtemp(path_.data()), nullptr);
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
+// Writes the shader to a file whose ending tells its stage, and returns the path.
+std::string write_shader(const testing::TemporaryDir& dir, size_t number,
+                         const ResolvedShader& shader, std::string_view file) {
+  std::string path = dir.path() / (std::to_string(number).append(file.substr(file.rfind('.'))));
+  std::ofstream(path) << shader.text;
+  return path;
+}
 
-  // The path of a new file with the shader's text and an ending that tells its stage.
-  std::string add(const ResolvedShader& shader, std::string_view file) {
-    const std::string path =
-        path_ + "/" + std::to_string(files_++) + std::string(file.substr(file.rfind('.')));
-    std::ofstream(path) << shader.text;
-    return path;
-  }
-
- private:
-  std::string path_;
-  int files_ = 0;
-};
-
-// The validator's words on files, empty when it finds nothing wrong.
-std::string validate(const std::string& paths) {
+// The validator's words on files; nullopt when it finds nothing wrong.
+std::optional<std::string> validate(const std::string& paths) {
   const std::string command = std::string(VOXELD_GLSLANG_VALIDATOR) + " " + paths + " 2>&1";
   std::string log;
   FILE* pipe = ::popen(command.c_str(), "r");
@@ -78,25 +64,27 @@ std::string validate(const std::string& paths) {
   while (size_t bytes = std::fread(buffer.data(), 1, buffer.size(), pipe)) {
     log.append(buffer.data(), bytes);
   }
-  return ::pclose(pipe) == 0 ? "" : log;
+  return ::pclose(pipe) == 0 ? std::nullopt : std::optional(log);
 }
 
 TEST(ShaderVariants, are_all_valid_offline) {
   const std::vector<Variant> variants = read_variants();
   EXPECT_FALSE(variants.empty());
-  Folder folder;
+  const testing::TemporaryDir dir;
   std::vector<std::pair<std::string, ResolvedShader>> files;
   std::string paths;
   for (const Variant& variant : variants) {
     auto shader = resolve_shader(variant.file, variant.defines, read_embedded_shader);
     ASSERT_TRUE(shader.ok()) << shader.error().detail;
-    files.emplace_back(folder.add(*shader, variant.file), *std::move(shader));
+    files.emplace_back(write_shader(dir, files.size(), *shader, variant.file), *std::move(shader));
     paths += " " + files.back().first;
   }
-  if (validate(paths).empty()) return;  // by one process, which reads its built-in functions once
+  if (!validate(paths)) return;  // by one process, which reads its built-in functions once
   for (size_t i = 0; i < files.size(); ++i) {
-    EXPECT_EQ(name_files_in_log(validate(files[i].first), files[i].second), "") << variants[i].file;
+    const auto log = validate(files[i].first);
+    if (log) ADD_FAILURE() << variants[i].file << ": " << name_files_in_log(*log, files[i].second);
   }
+  FAIL() << "the validator refuses the files of all variants";
 }
 
 TEST(ShaderVariants, every_entry_point_is_in_the_table) {
@@ -115,9 +103,10 @@ TEST(ShaderVariants, the_validator_finds_mistakes) {
     return std::string("\nvoid main() { nonsense(); }\n");
   });
   ASSERT_TRUE(shader.ok());
-  Folder folder;
-  const std::string log = validate(folder.add(*shader, "x.comp"));
-  EXPECT_NE(name_files_in_log(log, *shader).find("ERROR: x.comp:2"), std::string::npos);
+  const testing::TemporaryDir dir;
+  const auto log = validate(write_shader(dir, 0, *shader, "x.comp"));
+  ASSERT_TRUE(log);
+  EXPECT_NE(name_files_in_log(*log, *shader).find("ERROR: x.comp:2"), std::string::npos);
 }
 
 }  // namespace
