@@ -2,6 +2,7 @@
 import contextlib
 import copy
 import email.utils
+import functools
 import http.client
 import json
 import os
@@ -51,6 +52,13 @@ def wait_until(condition, what, seconds=HANG_SECONDS):
         assert time.monotonic() < deadline, f"not within {seconds} s: {what() if callable(what) else what}"
         time.sleep(0.02)
     return value
+
+
+@functools.cache  # reading it takes longer than the daemon's start
+def specification():
+    """openapi.yaml as openapi.json has it: statuses are texts."""
+    text = (ROOT / "proto/openapi.yaml").read_text()
+    return json.loads(json.dumps(yaml.load(text, Loader=yaml.CSafeLoader)))
 
 
 class Response:
@@ -133,8 +141,7 @@ class Daemon:
         self.data_dir = data_dir or tempfile.mkdtemp(prefix="voxeld-test-")
         self.arguments = list(arguments)
         self.key = None  # API key of every request
-        self.openapi = OpenApi(json.loads(json.dumps(
-            yaml.safe_load((ROOT / "proto/openapi.yaml").read_text()))))
+        self.openapi = OpenApi(specification())
         self.start()
 
     def start(self):

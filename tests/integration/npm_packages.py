@@ -1,6 +1,8 @@
 """Packages of npm that a test needs, as its package-lock.json says. tools/install-npm fetches them before the tests,
 which ask no registry."""
+import json
 import shutil
+import subprocess
 import unittest
 
 from harness import ROOT
@@ -24,3 +26,27 @@ def prepare(here, work):
     elif modules.exists():
         shutil.rmtree(modules)
     modules.symlink_to(fetched / "node_modules", target_is_directory=True)
+
+
+class Program:
+    """A script of Node that reads lines, each a list of arguments as JSON, and answers each with a line of JSON: its
+    libraries take a second to load, once for all tests of a class."""
+
+    def __init__(self, here, work, name):
+        """Runs the script of the folder `here` in the folder `work`, with the packages of `here`."""
+        prepare(here, work)
+        shutil.copyfile(here / name, work / name)
+        self.process = subprocess.Popen(["node", name], cwd=work, text=True, stdin=subprocess.PIPE,
+                                        stdout=subprocess.PIPE)
+
+    def __call__(self, *arguments):
+        self.process.stdin.write(json.dumps(arguments) + "\n")
+        self.process.stdin.flush()
+        line = self.process.stdout.readline()
+        assert line, f"{self.process.args} {arguments} ended with status {self.process.wait()}"
+        return json.loads(line)
+
+    def end(self):
+        self.process.stdin.close()
+        self.process.stdout.close()
+        self.process.wait()

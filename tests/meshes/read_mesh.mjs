@@ -1,8 +1,10 @@
-// Reads a .glb by three programs of others and prints what each found, as JSON:
+// Reads each .glb that a line of the input names by three programs of others, and prints what each found, as a line of
+// JSON:
 //   validator  Khronos' glTF validator: issues
 //   three      three.js' GLTFLoader: meshes, their triangles, instances and box in world space
 //   manifold   Manifold, which accepts only closed manifold meshes: volume in cells, or the reason
 import fs from "node:fs";
+import { createInterface } from "node:readline";
 import { MeshoptDecoder } from "meshoptimizer";
 import Manifold from "manifold-3d";
 import * as THREE from "three";
@@ -10,6 +12,8 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import validator from "gltf-validator";
 
 globalThis.self = globalThis;
+const wasm = await Manifold();
+wasm.setup();
 
 async function validate(bytes) {
   const { issues } = await validator.validateBytes(bytes);
@@ -41,9 +45,7 @@ function describe({ scene, meshes }) {
   };
 }
 
-async function solidOf(meshes) {
-  const wasm = await Manifold();
-  wasm.setup();
+function solidOf(meshes) {
   const { index, attributes } = meshes[0].geometry;
   const points = new Float32Array(3 * attributes.position.count);
   for (let i = 0; i < attributes.position.count; ++i) {
@@ -58,10 +60,12 @@ async function solidOf(meshes) {
   }
 }
 
-const bytes = new Uint8Array(fs.readFileSync(process.argv[2]));
-const loaded = await load(bytes);
-console.log(JSON.stringify({
-  validator: await validate(bytes),
-  three: describe(loaded),
-  manifold: loaded.meshes.length > 0 ? await solidOf(loaded.meshes) : null,
-}));
+for await (const line of createInterface({ input: process.stdin })) {
+  const bytes = new Uint8Array(fs.readFileSync(JSON.parse(line)[0]));
+  const loaded = await load(bytes);
+  console.log(JSON.stringify({
+    validator: await validate(bytes),
+    three: describe(loaded),
+    manifold: loaded.meshes.length > 0 ? solidOf(loaded.meshes) : null,
+  }));
+}

@@ -1,11 +1,8 @@
 """GLB as others read it: Khronos' validator, three.js with meshoptimizer's decoder, and Manifold, which takes only closed
 manifold meshes. The packages are those of package-lock.json; VOXELD_MESHES_DIR is the folder that uses them."""
 import io
-import json
 import os
 import pathlib
-import shutil
-import subprocess
 import sys
 import unittest
 
@@ -27,8 +24,8 @@ class Viewers(DaemonTest):
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.prepare(HERE, WORK)
-        shutil.copyfile(HERE / "read_mesh.mjs", WORK / "read_mesh.mjs")
+        cls.reader = npm_packages.Program(HERE, WORK, "read_mesh.mjs")
+        cls.addClassCleanup(cls.reader.end)
         super().setUpClass()
 
     def voxelize(self, query, name="sample.glb"):
@@ -41,10 +38,7 @@ class Viewers(DaemonTest):
 
     def read_file(self, data):
         (WORK / "mesh.glb").write_bytes(data)
-        done = subprocess.run(["node", "read_mesh.mjs", "mesh.glb"], cwd=WORK, timeout=300,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.assertEqual(done.returncode, 0, done.stderr[-4000:])
-        return json.loads(done.stdout)
+        return self.reader("mesh.glb")
 
     def grid(self, query):
         return np.load(io.BytesIO(self.voxelize(query + "&format=npz")))

@@ -1,8 +1,10 @@
-// Reads a file of blocks by others' programs and prints what each found, as JSON:
+// Reads each file of blocks that a line of the input names by others' programs, and prints what each found, as a line of
+// JSON:
 //   nbt        prismarine-nbt: names of the root's members, and the bytes of the file that it read
 //   schematic  prismarine-schematic, of a version 2 .schem: size, version of the game, names, and the index of each
 //              cell's name in the order y, z, x as base64
 import fs from "node:fs";
+import { createInterface } from "node:readline";
 import zlib from "node:zlib";
 import nbt from "prismarine-nbt";
 import schematics from "prismarine-schematic";
@@ -38,8 +40,11 @@ async function readSchematic(bytes) {
            start: schematic.start().equals(new vec3.Vec3(0, 0, 0)) };
 }
 
-const bytes = fs.readFileSync(process.argv[2]);
-console.log(JSON.stringify({
-  nbt: readTags(bytes),
-  schematic: process.argv[3] === "schematic" ? await readSchematic(bytes) : null,
-}));
+for await (const line of createInterface({ input: process.stdin })) {
+  const [path, what] = JSON.parse(line);
+  const bytes = fs.readFileSync(path);
+  console.log(JSON.stringify({
+    nbt: readTags(bytes),
+    schematic: what === "schematic" ? await readSchematic(bytes) : null,
+  }));
+}

@@ -2,11 +2,8 @@
 packages are those of package-lock.json; VOXELD_MINECRAFT_DIR is the folder that uses them."""
 import base64
 import io
-import json
 import os
 import pathlib
-import shutil
-import subprocess
 import sys
 import unittest
 
@@ -30,23 +27,18 @@ MEMBERS = {
 }
 
 
-def read_by_npm(data, what="nbt"):
-    (WORK / "blocks.bin").write_bytes(data)
-    done = subprocess.run(["node", "read_blocks.mjs", "blocks.bin", what], cwd=WORK, timeout=300,
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    if done.returncode != 0:
-        raise AssertionError(done.stderr[-4000:])
-    return json.loads(done.stdout)
-
-
 class Prismarine(DaemonTest):
     device = "cpu"
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.prepare(HERE, WORK)
-        shutil.copyfile(HERE / "read_blocks.mjs", WORK / "read_blocks.mjs")
+        cls.reader = npm_packages.Program(HERE, WORK, "read_blocks.mjs")
+        cls.addClassCleanup(cls.reader.end)
         super().setUpClass()
+
+    def read_by_npm(self, data, what="nbt"):
+        (WORK / "blocks.bin").write_bytes(data)
+        return self.reader("blocks.bin", what)
 
     def voxelize(self, query, name="sample.glb"):
         response = self.daemon.post(f"/v1/voxelize?{query}&filename={name}", self.fixture(name))
@@ -58,7 +50,7 @@ class Prismarine(DaemonTest):
 
     def schematic(self, query):
         """Names of blocks in the order z, y, x."""
-        read = read_by_npm(self.voxelize(query + "&format=schem"), "schematic")["schematic"]
+        read = self.read_by_npm(self.voxelize(query + "&format=schem"), "schematic")["schematic"]
         self.assertEqual((read["version"], read["start"]), ("1.18.2", True))
         width, height, length = read["size"]
         cells = np.frombuffer(base64.b64decode(read["cells"]), np.uint8).reshape(height, length, width)
@@ -67,7 +59,7 @@ class Prismarine(DaemonTest):
     def test_prismarine_nbt_reads_every_byte_of_every_format(self):
         for form, members in MEMBERS.items():
             for query in ("size=30", "size=50&fill=solid", "size=8&bounds=100,100,100,101,101,101"):
-                read = read_by_npm(self.voxelize(f"{query}&format={form}"))["nbt"]
+                read = self.read_by_npm(self.voxelize(f"{query}&format={form}"))["nbt"]
                 self.assertEqual(set(read["members"]), members)
                 self.assertEqual(read["root"], "Schematic" if form == "schem" else "")
                 self.assertEqual(read["read"], read["bytes"])
@@ -98,7 +90,7 @@ class Prismarine(DaemonTest):
         response = self.daemon.post(f"/v1/voxelize?dims=24,1,{2 * rows}&bounds=0,0,0,24,1,{2 * rows}&color=nearest"
                                     "&format=schem&filename=colors.obj", body)
         self.assertEqual(response.status, 200, response.body)
-        read = read_by_npm(response.body, "schematic")["schematic"]
+        read = self.read_by_npm(response.body, "schematic")["schematic"]
         self.assertEqual(sorted(read["names"]), sorted(["air", *NAMES]))
         self.assertEqual(READERS["schem"](response.body).cells.max(), len(NAMES))
 

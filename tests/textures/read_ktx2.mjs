@@ -1,8 +1,10 @@
-// Reads a .ktx2 by two programs of others and prints what each found, as JSON:
+// Reads each .ktx2 that a line of the input names by two programs of others, and prints what each found, as a line of
+// JSON:
 //   ktx_parse  the fields of the container, its descriptor and its text values
-//   three      three.js' KTX2Loader: the texture, whose texels go to the file of the second argument; or the reason
-//              why it refuses it
+//   three      three.js' KTX2Loader: the texture, whose texels go to the file that the line names second; or the
+//              reason why it refuses it
 import fs from "node:fs";
+import { createInterface } from "node:readline";
 import { read } from "ktx-parse";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
@@ -35,5 +37,8 @@ async function load(bytes, path) {
   }
 }
 
-const bytes = new Uint8Array(fs.readFileSync(process.argv[2]));
-console.log(JSON.stringify({ ktx_parse: describe(read(bytes)), three: await load(bytes, process.argv[3]) }));
+for await (const line of createInterface({ input: process.stdin })) {
+  const [path, texels] = JSON.parse(line);
+  const bytes = new Uint8Array(fs.readFileSync(path));
+  console.log(JSON.stringify({ ktx_parse: describe(read(bytes)), three: await load(bytes, texels) }));
+}

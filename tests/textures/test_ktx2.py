@@ -4,8 +4,6 @@ import io
 import json
 import os
 import pathlib
-import shutil
-import subprocess
 import sys
 import unittest
 
@@ -30,8 +28,8 @@ class Textures(DaemonTest):
 
     @classmethod
     def setUpClass(cls):
-        npm_packages.prepare(HERE, WORK)
-        shutil.copyfile(HERE / "read_ktx2.mjs", WORK / "read_ktx2.mjs")
+        cls.reader = npm_packages.Program(HERE, WORK, "read_ktx2.mjs")
+        cls.addClassCleanup(cls.reader.end)
         super().setUpClass()
 
     def voxelize(self, query):
@@ -41,10 +39,7 @@ class Textures(DaemonTest):
 
     def read(self, query):
         (WORK / "grid.ktx2").write_bytes(self.voxelize(query + "&format=ktx2"))
-        done = subprocess.run(["node", "read_ktx2.mjs", "grid.ktx2", "texels"], cwd=WORK, timeout=300,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.assertEqual(done.returncode, 0, done.stderr[-4000:])
-        return json.loads(done.stdout)
+        return self.reader("grid.ktx2", "texels")
 
     def check(self, query, name, grid):
         read = self.read(f"{query}&units=mm&channel={name}")
