@@ -59,7 +59,7 @@ TEST_F(KeysApiTest, a_new_key_counts_at_once_and_its_secret_is_shown_once) {
   EXPECT_EQ(response.header("cache-control"), "no-store");
   nlohmann::json added = json(response);
   const std::string key = added.value("key", "");
-  EXPECT_EQ(id_of(key), added["id"]);
+  EXPECT_EQ(added["id"], id_of(key));
   EXPECT_EQ(json(get("/v1/me", bearer(key))).value("tenant", ""), "lab");
   added.erase("key");
   const nlohmann::json limits = {

@@ -51,6 +51,7 @@ async function compare(
       ...render,
     }),
   );
+  await browser.call("hideCanvas", true); // each of its variants of the shader is compiled for seconds
   await browser.call("show", `${name}.voxg`);
   const png = `${name}.png`;
   const found = await browser.call("compare", settings, png, WIDTH, HEIGHT, transparent, name);
@@ -176,6 +177,7 @@ test("a section's box leaves what the daemon's plane leaves", async () => {
 
 test("the canvas at rest shows what image() gives", async () => {
   await compare(ROCKET, {}, {});
+  await session.browser.call("hideCanvas", false);
   const found = await session.browser.call("compareCanvas");
   assert.ok(found.mean < 0.1 && found.drawn > 0.1, JSON.stringify(found));
 });
@@ -191,6 +193,7 @@ test("an image is of the grid that was shown when it was asked for", async () =>
 });
 
 test("a lost context is rebuilt", async () => {
+  await session.browser.call("hideCanvas", false);
   await session.browser.call("loseContext");
   const found = await session.browser.call("compareCanvas");
   assert.ok(found.mean < 0.1 && found.drawn > 0.1, JSON.stringify(found));
@@ -200,6 +203,7 @@ test("a part is drawn in the grid's place as the daemon draws the grid", async (
   const { daemon, server, browser } = session;
   const camera = { zoom: 5 };
   assertSame(await compare(FINE, { ...camera, style: "smooth" }, { camera, style: "smooth" }));
+  await browser.call("hideCanvas", false);
   const whole = await browser.call("grid"),
     { front } = (await browser.call("visibleCells"))!,
     hit = (await browser.call("pick", WIDTH / 4, HEIGHT / 5))!;

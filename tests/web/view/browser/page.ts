@@ -96,6 +96,11 @@ const api = {
     return viewer !== null;
   },
 
+  /** A hidden canvas is not drawn; images are. */
+  hideCanvas(isHidden: boolean): void {
+    canvas.hidden = isHidden;
+  },
+
   renderer(): string {
     const gl = canvas.getContext("webgl2")!,
       info = gl.getExtension("WEBGL_debug_renderer_info");
