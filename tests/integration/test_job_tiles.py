@@ -52,9 +52,9 @@ class JobTiles(DaemonTest):
             after_each(containers)
         self.fail("the job did not end")
 
-    def assert_union(self, containers, whole):
-        """The tiles are those of the grid, cell by cell and in its order."""
-        grid, parts = read_grid.read_grid(whole), [read_grid.read_grid(part) for part in containers]
+    def assert_union(self, containers, grid):
+        """The tiles are those of the grid that was read, cell by cell and in its order."""
+        parts = [read_grid.read_grid(part) for part in containers]
         for name in ("dims", "origin", "voxel_size"):
             self.assertEqual({part[name] for part in parts}, {grid[name]})
         for name in ("cells", "color"):
@@ -63,18 +63,19 @@ class JobTiles(DaemonTest):
     def grid_of(self, job, daemon=None):
         status = (daemon or self.daemon).wait(job, 600)
         self.assertEqual(status["state"], "done", status)
-        return (daemon or self.daemon).get(f"/v1/grids/{status['result']['grid']}").body
+        return read_grid.read_grid((daemon or self.daemon).get(f"/v1/grids/{status['result']['grid']}").body)
 
     def test_all_tiles_together_are_the_grid_cell_by_cell(self):
         job = self.submit(**LARGE, padding=1)
         containers, states = self.follow(job)
         self.assertIn("running", states)
         self.assertGreater(len(containers), 4)
-        self.assert_union(containers, self.grid_of(job))
+        grid = self.grid_of(job)
+        self.assert_union(containers, grid)
         # The same from the stored grid, for a client that comes late.
         late, _ = self.follow(job)
         self.assertLess(len(late), len(containers))
-        self.assert_union(late, self.grid_of(job))
+        self.assert_union(late, grid)
 
     def test_a_job_whose_worker_and_gateway_die_goes_on_with_the_next_tile(self):
         daemon = Daemon(device="cpu", arguments=self.arguments)

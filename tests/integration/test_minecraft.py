@@ -46,7 +46,7 @@ class Minecraft(DaemonTest):
         self.assertLessEqual(len(inside), 1)  # the block of the mean colour
 
     def test_every_cell_has_the_block_nearest_to_its_colour(self):
-        for query in ("size=41", "size=64&fill=solid", "size=150&fill=solid", "size=60&level=1",
+        for query in ("size=41", "size=64&fill=solid", "size=60&level=1",
                       "size=300&region=20,150,20,90,250,100"):
             grid = self.npz(query)
             for form in READERS:

@@ -501,7 +501,7 @@ class TileStreams(PythonTest):
     arguments = ("--part-seconds", "0")
 
     def test_tiles_of_a_running_job_are_the_grid(self):
-        stream = self.client.voxelize_tiles(self.sample, size=1500, channels=["color"], cache=False)
+        stream = self.client.voxelize_tiles(self.sample, size=900, channels=["color"], cache=False)
         parts = []
         for tiles in stream:
             self.assertEqual(tiles.first_tile == 0, not parts)
