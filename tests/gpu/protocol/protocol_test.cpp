@@ -6,7 +6,6 @@
 #include <atomic>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -65,7 +64,7 @@ Scene sample() {
 class Protocol : public ::testing::TestWithParam<Case> {
  protected:
   Protocol() : context_(gpu::test_context()) {
-    shaders_.emplace(context_);
+    shaders_ = std::make_unique<gpu::ShaderLibrary>(context_);
     voxelizer_ = std::make_unique<Voxelizer>(
         std::make_unique<GlPipeline>(context_, *shaders_, GlTuning{.batches = GetParam().batches}));
     options_ = unit_cells({272, 32, 32});
@@ -109,7 +108,7 @@ class Protocol : public ::testing::TestWithParam<Case> {
   }
 
   gpu::CheckedContext context_;
-  std::optional<gpu::ShaderLibrary> shaders_;
+  std::unique_ptr<gpu::ShaderLibrary> shaders_;
   std::unique_ptr<Voxelizer> voxelizer_;
   const Scene scene_ = sample();
   VoxelizeOptions options_;
@@ -205,7 +204,7 @@ TEST_P(Protocol, a_device_without_64_bit_integers_makes_the_same_grids) {
   voxelizer_.reset();
   shaders_.reset();
   context_.take_int64_away();
-  shaders_.emplace(context_);
+  shaders_ = std::make_unique<gpu::ShaderLibrary>(context_);
   voxelizer_ = std::make_unique<Voxelizer>(
       std::make_unique<GlPipeline>(context_, *shaders_, GlTuning{.batches = GetParam().batches}));
   options_.pipeline = PipelineChoice::kAuto;

@@ -186,7 +186,12 @@ TEST(MeshoptGltf, filters_are_undone) {
   std::vector<int8_t> octahedral(from.vertex_count() * 4);
   meshopt_encodeFilterOct(octahedral.data(), from.vertex_count(), 4, 8, normals.data());
   std::vector<uint32_t> exponential(from.positions.size());
+#if MESHOPTIMIZER_VERSION >= 200
+  meshopt_encodeFilterExp(exponential.data(), from.vertex_count(), 12, 20, from.positions.data(),
+                          meshopt_EncodeExpSharedVector);
+#else
   meshopt_encodeFilterExp(exponential.data(), from.vertex_count(), 12, 20, from.positions.data());
+#endif
   GltfBuilder builder = plain(from);
   const int normal =
       builder.add_accessor(Bytes(octahedral.size()), 5120, "VEC3", from.vertex_count());
