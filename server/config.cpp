@@ -426,6 +426,18 @@ std::vector<std::string> with_default_subcommand(int argc, const char* const* ar
   return {arguments.rbegin(), arguments.rend()};  // CLI11 takes them from the back
 }
 
+// CLI11 from 2.4 on leaves out the values of variables that it refuses. Here they are errors. Throws
+// CLI::ParseError.
+void check_variables(CLI::App& app) {
+  for (CLI::Option* option : app.get_options()) {
+    const char* value = std::getenv(option->get_envname().c_str());
+    if (value == nullptr || *value == '\0' || option->count() > 0) continue;
+    option->add_result(value);
+    option->run_callback();
+  }
+  for (CLI::App* parsed : app.get_subcommands()) check_variables(*parsed);
+}
+
 }  // namespace
 
 Command parse_command_line(int argc, const char* const* argv) {
@@ -457,6 +469,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   const CLI::App* version = app.add_subcommand("version", "Print the version");
   try {
     app.parse(with_default_subcommand(argc, argv));
+    check_variables(app);
   } catch (const CLI::ParseError& error) {
     return ExitCommand{app.exit(error) == 0 ? 0 : 64};  // EX_USAGE of sysexits.h
   }

@@ -1,7 +1,9 @@
 #include "server/config.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdlib>
 #include <string>
 #include <vector>
@@ -166,8 +168,21 @@ TEST(Config, times_are_numbers_and_the_error_says_from_where_to_where) {
         << text;
     EXPECT_NE(text.find(", got nan"), std::string::npos) << text;
   }
-  const Variable seconds("VOXELD_JOB_SECONDS_MAX", "nan");
-  EXPECT_EQ(std::get<ExitCommand>(parse({})).status, 64);
+}
+
+TEST(Config, a_variable_is_checked_as_its_flag_is) {
+  for (const auto& [name, value, said] :
+       {std::array{"VOXELD_JOB_SECONDS_MAX", "nan", "--job-seconds-max: expected a number from 0"},
+        std::array{"VOXELD_WORKERS_PER_DEVICE", "0", "--workers-per-device: Value 0 not in range"},
+        std::array{"VOXELD_SCHEDULER", "lottery", "--scheduler: Check lottery value in"},
+        std::array{"VOXELD_PUBLIC_HOST", "a:80", "--public-host: expected a host name"}}) {
+    const Variable variable(name, value);
+    ::testing::internal::CaptureStderr();
+    const Command command = parse({});
+    EXPECT_THAT(::testing::internal::GetCapturedStderr(), ::testing::HasSubstr(said));
+    ASSERT_TRUE(std::holds_alternative<ExitCommand>(command)) << name;
+    EXPECT_EQ(std::get<ExitCommand>(command).status, 64) << name;
+  }
 }
 
 TEST(Config, keys_are_added_listed_and_revoked_in_a_data_directory) {

@@ -268,9 +268,11 @@ TEST(GltfJson, errors_name_the_byte) {
             "unexpected '}'; expected '[', '{', or a literal");
   EXPECT_EQ(outcome(load_text("[1]")),
             "malformed-mesh: a.gltf: the JSON is no object: expected {\"asset\": …}, got array");
-  EXPECT_EQ(outcome(load_text("")),
-            "malformed-mesh: a.gltf byte 1: not JSON: syntax error while parsing value - "
+  EXPECT_EQ(outcome(load_text("[")),
+            "malformed-mesh: a.gltf byte 2: not JSON: syntax error while parsing value - "
             "unexpected end of input; expected '[', '{', or a literal");
+  // The parser's versions differ in the rest.
+  EXPECT_EQ(outcome(load_text("")).substr(0, 41), "malformed-mesh: a.gltf byte 1: not JSON: ");
   EXPECT_EQ(outcome(load_text("{\"asset\":{\"version\":\"2.0\",\"x\":1e999}}")),
             "malformed-mesh: a.gltf: not JSON: number overflow parsing '1e999'");
 }
