@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
@@ -170,6 +171,16 @@ ChildStory read_story(std::string_view text, DeviceFaults& faults) {
   return story;
 }
 
+// Whether the device, when it was tested, lacked memory that other processes of the machine had.
+bool lacked_memory(const std::filesystem::path& data_dir, const std::string& device) {
+  const auto outcomes = read_self_tests(data_dir);
+  return outcomes && std::ranges::any_of(*outcomes, [&](const SelfTestOutcome& outcome) {
+           // As gpu::Context::check() tells it.
+           return outcome.device == device &&
+                  outcome.faults.text().find("out of device memory") != std::string::npos;
+         });
+}
+
 std::vector<std::string> child_command(const SelfTestSettings& settings, const std::string& device,
                                        const DeviceFaults& faults) {
   std::vector<std::string> command = {settings.executable, "test-device",   "--device", device,
@@ -177,7 +188,7 @@ std::vector<std::string> child_command(const SelfTestSettings& settings, const s
   if (!settings.shader_dir.empty()) {
     command.insert(command.end(), {"--shader-dir", settings.shader_dir});
   }
-  if (!settings.tests_again && !faults.any()) {
+  if (!settings.tests_again && !faults.any() && !lacked_memory(settings.data_dir, device)) {
     command.insert(command.end(), {"--data", settings.data_dir.string()});
   }
   for (size_t i = 0; i < kDevicePartCount; ++i) {

@@ -88,6 +88,25 @@ TEST_F(TestDevice, a_known_outcome_is_read) {
   EXPECT_EQ(report.faults, faults);
 }
 
+TEST_F(TestDevice, a_device_that_lacked_memory_is_tested_again_at_the_next_start) {
+  const std::string lacked = R"(echo '{"faults":{"solid":"flood: GL_OUT_OF_MEMORY on egl:0 )"
+                             R"((a GPU): out of device memory"}}')";
+  EXPECT_THAT(run(lacked).faults.why(DevicePart::kSolid), HasSubstr("out of device memory"));
+  EXPECT_TRUE(kept().faults.has(DevicePart::kSolid));
+  const auto report = run(R"(case "$*" in
+*--data*) echo '{"known":true}';;
+*) echo '{"faults":{}}';;
+esac)");
+  EXPECT_FALSE(report.was_known);
+  EXPECT_FALSE(report.faults.any());
+  EXPECT_TRUE(kept().found);
+  EXPECT_FALSE(kept().faults.any());
+  EXPECT_TRUE(run(R"(echo '{"known":true}')").was_known);
+  const std::string test = "test-device --device egl:0 --sandbox require";
+  const std::string data = " --data " + (dir_.path() / "data").string();
+  EXPECT_EQ(asked(), test + data + "\n" + test + "\n" + test + data + "\n");
+}
+
 TEST_F(TestDevice, a_crash_is_a_fault_of_the_step_and_the_other_parts_are_tested) {
   const auto report = run(R"(case "$*" in
 *--skip*) echo '{"faults":{"images":"voxel: other colours"}}';;
