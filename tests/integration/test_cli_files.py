@@ -210,6 +210,23 @@ class CliFiles(DaemonTest):
         jobs = json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"]
         self.assertEqual(len(jobs), before)
 
+    def test_a_dry_run_of_several_files_tells_of_each(self):
+        files = (self.dir / "gone.ply", *self.meshes("a.ply"), self.dir / "missing.ply")
+        options = ("--size", 100, "--dry-run", "--out-dir", self.dir / "out")
+        done = self.voxel(*files, *options)
+        self.assertEqual(done.returncode, 7, done.stderr)
+        rows = done.stdout.splitlines()[1:]
+        self.assertRegex(rows[0], r"gone\.ply +file$")
+        self.assertRegex(rows[1], r"a\.ply +[\d.]+ s +[\d.]+ s to ")
+        self.assertRegex(rows[2], r"missing\.ply +file$")
+        lines = done.stderr.splitlines()
+        self.assertEqual(lines[-1], "voxel: 2 of 3 files failed")
+        self.assertIn("gone.ply: ", lines[-3])
+        estimates = json.loads(self.voxel(*files, *options, "--json").stdout)["estimates"]
+        self.assertEqual([sorted(one.keys() & {"error", "estimate"}) for one in estimates],
+                         [["error"], ["estimate"], ["error"]])
+        self.assertFalse((self.dir / "out").exists())
+
     # --- files that a mesh names
 
     SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n"

@@ -148,6 +148,22 @@ void print_report(const Arguments& arguments, const std::vector<Outcome>& outcom
 
 }  // namespace
 
+void tell_failures(const Arguments& arguments, const std::vector<std::optional<Error>>& errors) {
+  size_t count = 0;
+  const Error* first = nullptr;
+  for (size_t i = 0; i < errors.size(); ++i) {
+    if (!errors[i]) continue;
+    const std::string line = arguments.batch[i].input + ": " + errors[i]->what();
+    std::fprintf(stderr, "voxel: %s\n", printable(line).c_str());
+    if (first == nullptr) first = &*errors[i];
+    ++count;
+  }
+  if (first == nullptr) return;
+  const std::string summary =
+      std::to_string(count) + " of " + std::to_string(errors.size()) + " files failed";
+  throw Error(count == errors.size() ? first->code() : "some-failed", 0, summary);
+}
+
 void run_batch(const Arguments& arguments, const std::stop_token& stop) {
   std::error_code failed;
   std::filesystem::create_directories(arguments.out_dir, failed);
@@ -156,20 +172,9 @@ void run_batch(const Arguments& arguments, const std::stop_token& stop) {
   batch.run();
   if (stop.stop_requested()) throw Error("interrupted", 0, "stopped by the caller");
   if (arguments.json) print_report(arguments, batch.outcomes());
-  size_t count = 0;
-  std::optional<Error> first;
-  for (size_t i = 0; i < batch.outcomes().size(); ++i) {
-    const auto& error = batch.outcomes()[i].error;
-    if (!error) continue;
-    const std::string line = arguments.batch[i].input + ": " + error->what();
-    std::fprintf(stderr, "voxel: %s\n", printable(line).c_str());
-    if (!first) first = error;
-    ++count;
-  }
-  if (!first) return;
-  const std::string summary =
-      std::to_string(count) + " of " + std::to_string(batch.outcomes().size()) + " files failed";
-  throw Error(count == batch.outcomes().size() ? first->code() : "some-failed", 0, summary);
+  std::vector<std::optional<Error>> errors;
+  for (const Outcome& outcome : batch.outcomes()) errors.push_back(outcome.error);
+  tell_failures(arguments, errors);
 }
 
 }  // namespace voxeld::cli

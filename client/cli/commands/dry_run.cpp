@@ -2,9 +2,12 @@
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "client/cli/bundle.h"
+#include "client/cli/commands/batch.h"
 #include "client/cli/terminal/human.h"
 #include "client/cli/terminal/report.h"
 #include "client/include/voxeld/client.h"
@@ -53,24 +56,36 @@ void add_row(const std::string& name, const Json& response, Table& table) {
 
 void run_dry_run(const Arguments& arguments, const std::stop_token& stop) {
   client::Client daemon(settings_of(arguments));
-  std::vector<std::string> inputs = {arguments.input};
-  if (!arguments.batch.empty()) inputs.clear();
-  for (const BatchFile& file : arguments.batch) inputs.push_back(file.input);
   Table table("lrlrrll");
   table.add({"INPUT", "TIME", "RANGE", "RESULT", "MEMORY", "START", "LEARNED FROM"});
   Json estimates = Json::array();
-  for (const std::string& input : inputs) {
+  const auto estimate = [&](const std::string& input) {
     Json response = estimate_of(daemon, arguments, input, stop);
     const std::string name = input.empty() ? arguments.grid + arguments.sequence : input;
     add_row(name, response, table);
     response["input"] = name;
     estimates.push_back(std::move(response));
+  };
+  std::vector<std::optional<client::Error>> errors(arguments.batch.size());
+  for (size_t i = 0; i < arguments.batch.size(); ++i) {
+    const std::string& input = arguments.batch[i].input;
+    try {
+      estimate(input);
+    } catch (const client::Error& error) {
+      if (stop.stop_requested()) throw;
+      errors[i] = error;
+      table.add({input, error.code()});
+      estimates.push_back(
+          {{"input", input}, {"error", {{"code", error.code()}, {"message", error.what()}}}});
+    }
   }
+  if (arguments.batch.empty()) estimate(arguments.input);
   if (arguments.json) {
     print_json({{"estimates", estimates}});
   } else {
     std::fputs(table.text().c_str(), stdout);
   }
+  tell_failures(arguments, errors);
 }
 
 }  // namespace voxeld::cli
