@@ -8,7 +8,8 @@ export const fixtures = temporaryFolder("web-fixtures");
 export const daemon = new Daemon();
 
 // A software driver compiles the ray march for seconds in each page and casts some 50 rays for each
-// pixel at rest. So pages draw in tests with this tag alone, and a quarter of the pixels.
+// pixel at rest. So pages compile it and draw in tests with this tag alone, and a quarter of the
+// pixels.
 export const DRAWN = { tag: "@drawn" };
 
 // No test may violate the policy or end a script with an error.
@@ -52,7 +53,14 @@ async function limitDraws(context, isDrawn) {
   await context.addInitScript(isDrawn => {
     const gl = WebGL2RenderingContext.prototype;
     if (isDrawn) Object.defineProperty(window, "devicePixelRatio", { get: () => 0.5 });
-    else gl.drawArrays = () => undefined;
+    else {
+      gl.drawArrays = () => undefined;
+      const { shaderSource } = gl;
+      gl.shaderSource = function (shader, text) {
+        const isVertex = text.includes("gl_Position");
+        shaderSource.call(this, shader, isVertex ? text : "#version 300 es\nvoid main() {}");
+      };
+    }
     // All that the viewer calls again and again while it draws.
     window.calls = 0;
     for (const name of ["clientWaitSync", "getProgramParameter"]) {
