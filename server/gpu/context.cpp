@@ -107,7 +107,11 @@ Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) 
   info_.is_software = is_software_renderer(info_.renderer);
   info_.has_int64 = has_extension(gl_, "GL_ARB_gpu_shader_int64");
   info_.has_float64 = has_extension(gl_, "GL_ARB_gpu_shader_fp64");
-  if (has_extension(gl_, "GL_NVX_gpu_memory_info")) {
+  // Software drivers have no memory of a device. That of Mesa 25 has the extension, with numbers of
+  // uninitialized variables.
+  if (info_.is_software) {
+    memory_source_ = MemorySource::kNone;
+  } else if (has_extension(gl_, "GL_NVX_gpu_memory_info")) {
     memory_source_ = MemorySource::kNvx;
   } else if (has_extension(gl_, "GL_ATI_meminfo")) {
     memory_source_ = MemorySource::kAti;

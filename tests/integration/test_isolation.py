@@ -148,7 +148,7 @@ class Drivers(unittest.TestCase):
         manifest = json.loads(manifests[0].read_text())
         library = pathlib.Path(manifest["ICD"]["library_path"])
         if not library.is_absolute():
-            self.skipTest(f"{manifests[0]} does not say where its library is")
+            library = pathlib.Path("/usr/lib/x86_64-linux-gnu") / library
         (self.folder / "lib").mkdir()
         shutil.copy(library, self.folder / "lib/libdriver.so")
         manifest["ICD"]["library_path"] = "./lib/libdriver.so"
@@ -163,8 +163,8 @@ class Drivers(unittest.TestCase):
     def test_a_driver_that_the_sandbox_keeps_out_is_told_apart_by_doctor(self):
         # The sandbox opens the folder that the variable names, not the one that a link in it leads to.
         driver = pathlib.Path("/usr/lib/x86_64-linux-gnu/dri/swrast_dri.so")
-        if not driver.exists():
-            self.skipTest(f"no {driver}")
+        if not driver.exists() or driver.resolve().name == "libdril_dri.so":
+            self.skipTest(f"{driver} is no driver of its own: Mesa from 24.2 on has all in one library")
         for name in ("named", "elsewhere"):
             (self.folder / name).mkdir()
         shutil.copy(driver, self.folder / "elsewhere/swrast_dri.so")
