@@ -426,8 +426,8 @@ std::vector<std::string> with_default_subcommand(int argc, const char* const* ar
   return {arguments.rbegin(), arguments.rend()};  // CLI11 takes them from the back
 }
 
-// CLI11 from 2.4 on leaves out the values of variables that it refuses. Here they are errors. Throws
-// CLI::ParseError.
+// CLI11 from 2.4 on leaves out the values of variables that it refuses. Here they are errors.
+// Throws CLI::ParseError.
 void check_variables(CLI::App& app) {
   for (CLI::Option* option : app.get_options()) {
     const char* value = std::getenv(option->get_envname().c_str());

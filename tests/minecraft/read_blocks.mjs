@@ -1,5 +1,5 @@
-// Reads each file of blocks that a line of the input names by others' programs, and prints what each found, as a line of
-// JSON:
+// Reads each file of blocks that a line of the input names by others' programs, and prints what each found, as a line
+// of JSON:
 //   nbt        prismarine-nbt: names of the root's members, and the bytes of the file that it read
 //   schematic  prismarine-schematic, of a version 2 .schem: size, version of the game, names, and the index of each
 //              cell's name in the order y, z, x as base64
