@@ -170,6 +170,14 @@ TEST(Config, times_are_numbers_and_the_error_says_from_where_to_where) {
   }
 }
 
+TEST(Config, a_variable_of_a_list_has_several_values) {
+  const Variable proxies("VOXELD_TRUSTED_PROXY", "10.0.0.1,10.0.0.2");
+  const Variable hosts("VOXELD_PUBLIC_HOST", "a.example,b.example");
+  const auto config = std::get<ServeConfig>(parse({}));
+  EXPECT_EQ(config.trusted_proxies, (std::vector<std::string>{"10.0.0.1", "10.0.0.2"}));
+  EXPECT_EQ(config.public_hosts, (std::vector<std::string>{"a.example", "b.example"}));
+}
+
 TEST(Config, a_variable_is_checked_as_its_flag_is) {
   for (const auto& [name, value, said] :
        {std::array{"VOXELD_JOB_SECONDS_MAX", "nan", "--job-seconds-max: expected a number from 0"},
