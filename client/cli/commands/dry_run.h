@@ -7,8 +7,8 @@
 
 namespace voxeld::cli {
 
-// Uploads the meshes and prints the estimates; no job is submitted. Of several files all are tried.
-// Throws client::Error, and what tell_failures() throws.
+// Uploads the meshes and prints the estimates; no job is submitted. Continues after one of several
+// files that fails. Throws client::Error, and what tell_failures() throws.
 void run_dry_run(const Arguments& arguments, const std::stop_token& stop);
 
 }  // namespace voxeld::cli
