@@ -35,8 +35,8 @@ using Json = nlohmann::json;
 constexpr size_t kListedFilesMax = 20'000;
 // The header of a PLY or GLB is read up to here.
 constexpr size_t kHeaderBytesMax = size_t{1} << 20;
-// A stop is noticed after it while stdin is silent.
-constexpr int kStdinLookMs = 50;
+// A stop is noticed after it while a stream is silent.
+constexpr int kStreamLookMs = 50;
 
 // Collects distinct names of existing files inside the mesh's folder. A mesh file may come from
 // anyone, and the files it names are sent away. Therefore no name and no symbolic link may lead out
@@ -476,22 +476,30 @@ std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string>
   return entries;
 }
 
-// A read that blocks would not notice a stop.
-client::Source stdin_source(const std::stop_token& stop) {
+// Of stdin or of a pipe, which `owner` closes. A read that blocks would not notice a stop.
+client::Source stream_source(int descriptor, std::shared_ptr<void> owner, const std::string& name,
+                             const std::string& filename, const std::stop_token& stop) {
   return client::Source::stream(
-      [stop](std::span<std::byte> buffer) {
-        pollfd input{STDIN_FILENO, POLLIN, 0};
-        while (::poll(&input, 1, kStdinLookMs) <= 0) {
+      [descriptor, owner = std::move(owner), name, stop](std::span<std::byte> buffer) {
+        pollfd input{descriptor, POLLIN, 0};
+        while (::poll(&input, 1, kStreamLookMs) <= 0) {
           if (stop.stop_requested()) throw client::Error("interrupted", 0, "stopped by the caller");
         }
-        const ssize_t count = ::read(STDIN_FILENO, buffer.data(), buffer.size());
+        const ssize_t count = ::read(descriptor, buffer.data(), buffer.size());
         if (count < 0) {
-          throw client::Error("file", 0,
-                              std::string("stdin cannot be read: ") + std::strerror(errno));
+          throw client::Error("file", 0, name + " cannot be read: " + std::strerror(errno));
         }
         return static_cast<size_t>(count);
       },
-      "");
+      filename);
+}
+
+client::Source pipe_source(const fs::path& pipe, const std::stop_token& stop) {
+  // Not blocking: an open that waits for who writes would not notice a stop either.
+  const int descriptor = ::open(pipe.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (descriptor < 0) throw client::Error("file", 0, pipe.string() + ": " + std::strerror(errno));
+  std::shared_ptr<void> owner(nullptr, [descriptor](void*) { ::close(descriptor); });
+  return stream_source(descriptor, std::move(owner), pipe.string(), pipe.filename().string(), stop);
 }
 
 }  // namespace
@@ -508,13 +516,19 @@ std::vector<std::string> referenced_files(const fs::path& mesh) {
 MeshSource MeshSource::open(const std::string& input, std::span<const std::string> beside,
                             const std::stop_token& stop) {
   if (input == "-") {
-    if (beside.empty()) return MeshSource(stdin_source(stop));
+    if (beside.empty()) {
+      return MeshSource(stream_source(STDIN_FILENO, nullptr, "stdin", "", stop));
+    }
     throw client::Error("file", 0, "stdin cannot be sent together with other files");
   }
   const fs::path mesh(input);
   std::error_code error;
   if (fs::is_directory(mesh, error))
     throw client::Error("file", 0, input + ": is a folder, expected a mesh file");
+  if (fs::is_fifo(mesh, error)) {
+    if (beside.empty()) return MeshSource(pipe_source(mesh, stop));
+    throw client::Error("file", 0, input + ": a pipe cannot be sent together with other files");
+  }
   const std::vector<Entry> entries = entries_of(mesh, beside);
   if (entries.size() == 1) return MeshSource(client::Source::file(mesh));
   const fs::path archive = temporary_path();

@@ -5,6 +5,7 @@ import hashlib
 import io
 import os
 import pathlib
+import stat
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Union
@@ -56,8 +57,10 @@ class File:
 
 def path_file(path: pathlib.Path, name: str) -> File:
     with _opened(path) as file:
-        size = os.fstat(file.fileno()).st_size
-    return File(name, size, lambda: _opened(path))
+        info = os.fstat(file.fileno())
+        if stat.S_ISFIFO(info.st_mode):  # what it gave is gone
+            return memory_file(file.read(), name)
+    return File(name, info.st_size, lambda: _opened(path))
 
 
 def _opened(path: pathlib.Path) -> BinaryIO:
@@ -95,7 +98,7 @@ def _path_files(paths: Sequence[Path], filename: str) -> list[File]:
     given = {path.name: path for path in beside}
     if len(given) < len(beside) or mesh.name in given:
         raise error("file", f"{[str(path) for path in beside]}: files that are sent together need different names")
-    for name in referenced_files(mesh):
+    for name in referenced_files(mesh) if mesh.is_file() else ():
         if name != mesh.name and name not in given:
             files.append(path_file(mesh.parent / name, name))
     return files + [path_file(path, _utf8(name)) for name, path in given.items()]

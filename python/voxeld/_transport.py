@@ -331,7 +331,8 @@ class Transport:
 
     def server_path(self, path: str) -> str:
         """With the path of the URL before it."""
-        return urllib.parse.urlsplit(self.server.name).path.rstrip("/") + path
+        before = urllib.parse.urlsplit(self.server.name).path.rstrip("/")
+        return urllib.parse.quote(before, safe="/%:@!$&'()*+,;=") + path
 
     # --- failures
 

@@ -54,6 +54,13 @@ class Cli(DaemonTest):
                           stdin=self.fixture("sample.ply"))
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(max(np.load(io.BytesIO(done.stdout)).shape), 16)
+        named = subprocess.run(["bash", "-c", '"$0" <(cat "$1") --format npy --size 16 --url "$2"', BIN / "voxel",
+                                self.fixtures / "sample.ply", self.daemon.url], capture_output=True, timeout=120)
+        self.assertEqual((named.returncode, named.stdout), (0, done.stdout), named.stderr)
+        os.mkfifo(self.dir / "a.ply")
+        done = self.voxel(self.dir / "a.ply", self.fixtures / "worm" / "walk.md5anim", "-o", "-")
+        self.assertEqual((done.returncode, done.stderr), (
+            1, f"voxel: {self.dir}/a.ply: a pipe cannot be sent together with other files\n".encode()))
 
     def test_blocks_by_extension(self):
         for name in ("a.schem", "a.litematic", "A.NBT"):
@@ -200,20 +207,24 @@ class Cli(DaemonTest):
                 connection.sendall(b'HTTP/1.1 200 OK\r\nContent-Length: 14\r\n\r\n{"results":[]}')
                 self.assertEqual(process.wait(60), 0)
 
-    def test_a_signal_ends_the_wait_for_stdin(self):
-        with socket.create_server(("127.0.0.1", 0)) as silent:
-            silent.settimeout(60)
-            process = subprocess.Popen([BIN / "voxel", "-", "-o", self.dir / "a.vox", "--url",
-                                        f"http://127.0.0.1:{silent.getsockname()[1]}"], stdin=subprocess.PIPE)
-            self.addCleanup(process.stdin.close)
-            self.addCleanup(process.kill)
-            process.stdin.write(b"ply\n")
-            process.stdin.flush()
-            with silent.accept()[0] as connection:
-                self.assertTrue(connection.recv(4))
-                process.send_signal(signal.SIGTERM)
-                self.assertEqual(process.wait(60), 130)
-        self.assertEqual(list(self.dir.iterdir()), [])
+    def test_a_signal_ends_the_wait_for_a_pipe(self):
+        for name in ("-", "a.ply"):
+            with self.subTest(name), socket.create_server(("127.0.0.1", 0)) as silent:
+                silent.settimeout(60)
+                os.mkfifo(self.dir / "a.ply")
+                descriptor = os.open(self.dir / "a.ply", os.O_RDWR)
+                self.addCleanup(os.close, descriptor)
+                process = subprocess.Popen([BIN / "voxel", name, "-o", "a.vox", "--url",
+                                            f"http://127.0.0.1:{silent.getsockname()[1]}"], stdin=descriptor,
+                                           cwd=self.dir)
+                self.addCleanup(process.kill)
+                os.write(descriptor, b"ply\n")
+                with silent.accept()[0] as connection:
+                    self.assertTrue(connection.recv(4))
+                    process.send_signal(signal.SIGTERM)
+                    self.assertEqual(process.wait(60), 130)
+                (self.dir / "a.ply").unlink()
+                self.assertEqual(list(self.dir.iterdir()), [])
 
     def test_output_that_a_full_disk_loses_is_a_failure(self):
         for arguments in (("--help",), ("generate", "man"), ("formats",), ("whoami",)):

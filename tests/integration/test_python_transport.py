@@ -363,6 +363,17 @@ class Transport(TransportTest):
                     self.client._upload_file, Call(), file, False))
                 self.assertIn(got, str(failure))
 
+    def test_a_pipe_is_read_once(self):
+        script = self.script(json_response({"id": "sha256-a"}, 201))
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, "a.obj")
+            os.mkfifo(path)
+            writer = threading.Thread(target=path.write_text, args=("v 0 0 0\n",), daemon=True)
+            writer.start()
+            self.client.upload(path)
+            writer.join()
+        self.assertEqual((script.lines(), script.bodies), (["POST /v1/assets?filename=a.obj"], [b"v 0 0 0\n"]))
+
     def test_a_refusal_before_the_whole_body_was_sent_is_read(self):
         self.script(Script.REFUSE, problem(413, "payload-too-large", "Connection: close"), Script.CLOSE)
         self.raised(voxeld.Error, "payload-too-large", lambda: self.client._transport.request(
@@ -375,11 +386,12 @@ class Transport(TransportTest):
             self.assertIn(f"{script.url}: is there a voxeld at this URL?", str(failure))
 
     def test_the_path_of_the_url_and_the_key_are_sent(self):
-        script = self.script(json_response({}))
-        self.client = voxeld.Client(script.url + "/voxels/", "vxk_a")
-        self.addCleanup(self.client.close)
-        self.get()
-        self.assertEqual((script.lines(), script.header("Authorization")), (["GET /voxels/v1/me"], "Bearer vxk_a"))
+        for path, sent in (("/voxels/", "/voxels"), ("/vöxels/a b%20c", "/v%C3%B6xels/a%20b%20c")):
+            script = self.script(json_response({}))
+            self.client = voxeld.Client(script.url + path, "vxk_a")
+            self.addCleanup(self.client.close)
+            self.get()
+            self.assertEqual((script.lines(), script.header("Authorization")), ([f"GET {sent}/v1/me"], "Bearer vxk_a"))
         for key in ("a\nHost: b", "a b", "ä"):
             failure = self.raised(voxeld.BadInput, "invalid-option", lambda key=key: voxeld.Client(script.url, key))
             self.assertNotIn(key, str(failure))
