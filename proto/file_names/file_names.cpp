@@ -1,6 +1,10 @@
 #include "proto/file_names/file_names.h"
 
+#include <utf8proc.h>
+
 #include <algorithm>
+#include <cstdlib>
+#include <memory>
 #include <span>
 #include <utility>
 
@@ -32,6 +36,19 @@ bool is_absolute(std::string_view path) {
 
 std::string normalized_or_base(std::string_view name) {
   return normalized_name(name).value_or(std::string(base_name(name)));
+}
+
+// With composed letters (NFC) and without regard to case, beyond ASCII too. macOS decomposes letters
+// in names of files.
+std::string folded(const std::string& text) {
+  utf8proc_uint8_t* out = nullptr;
+  const auto options =
+      static_cast<utf8proc_option_t>(UTF8PROC_STABLE | UTF8PROC_COMPOSE | UTF8PROC_CASEFOLD);
+  const utf8proc_ssize_t bytes =
+      utf8proc_map(reinterpret_cast<const utf8proc_uint8_t*>(text.data()),
+                   static_cast<utf8proc_ssize_t>(text.size()), &out, options);
+  const std::unique_ptr<utf8proc_uint8_t, decltype(&std::free)> owned(out, std::free);
+  return bytes < 0 ? text : std::string(owned.get(), owned.get() + bytes);
 }
 
 // The normalized folder of a file, with a slash behind it; empty for the top.
@@ -107,16 +124,19 @@ std::optional<size_t> find_last_parts(std::span<const std::string> names,
   return std::nullopt;
 }
 
-std::optional<size_t> find(std::span<const std::string> names, std::string_view reference,
-                           std::string_view folder) {
+// Folded names may be equal.
+std::optional<size_t> find_folded(std::span<const std::string> names, std::string_view reference,
+                                  std::string_view folder) {
   const auto found = find_path(names, reference, folder);
-  return found ? found : find_last_parts(names, reference, folder);
+  const bool is_one = found && std::ranges::count(names, names[*found]) == 1;
+  return is_one ? found : find_last_parts(names, reference, folder);
 }
 
 // How `name` differs from the path that it is taken for; empty if it does not.
 std::string difference(std::string_view reference, std::string_view name, std::string_view folder) {
   const std::string path = normalized_name(reference).value_or("");
-  const std::string from_folder = normalized_name(std::string(folder) + path).value_or("");
+  const std::string from_folder =
+      normalized_name(std::string(folder) + std::string(reference)).value_or("");
   for (const std::string_view whole : {std::string_view(path), std::string_view(from_folder)}) {
     if (name == whole) return "";
     if (equals_ignoring_case(name, whole)) return "the same name in another case";
@@ -180,7 +200,7 @@ std::string percent_decoded(std::string_view text) {
 FileNames::FileNames(std::vector<std::string> names) : names_(std::move(names)) {
   for (const std::string& name : names_) {
     is_utf8_ = is_utf8_ && is_utf8(name);
-    as_written_[0].names.push_back(normalized_or_base(name));
+    as_written_.push_back(normalized_or_base(name));
   }
 }
 
@@ -193,28 +213,27 @@ std::optional<NameMatch> FileNames::resolve(std::string_view reference,
   if (reference.substr(0, 5) == "data:") return std::nullopt;
   const std::string decoded = percent_decoded(reference);
   const std::string folder = folder_of(from);
-  const std::vector<std::string>& names = as_written_[0].names;
   for (const std::string_view path : {reference, std::string_view(decoded)}) {
-    if (const auto found = find_path(names, path, folder)) {
+    if (const auto found = find_path(as_written_, path, folder)) {
       return NameMatch{*found, is_utf8(path) ? "" : "the same bytes, which are not UTF-8"};
     }
   }
   for (const std::string_view path : {reference, std::string_view(decoded)}) {
-    if (const auto found = find_last_parts(names, path, folder)) {
-      return NameMatch{*found, difference(path, names[*found], folder)};
+    if (const auto found = find_last_parts(as_written_, path, folder)) {
+      return NameMatch{*found, difference(path, as_written_[*found], folder)};
     }
   }
   return resolve_encoded(decoded, from);
 }
 
 const std::vector<FileNames::Reading>& FileNames::readings() const {
-  if (is_utf8_ || !readings_.empty()) return is_utf8_ ? as_written_ : readings_;
-  for (size_t e = 0; e < kTextEncodingCount; ++e) {
-    Reading reading{e, {}};
+  if (!readings_.empty()) return readings_;
+  for (size_t e = 0; e < (is_utf8_ ? 1 : kTextEncodingCount); ++e) {
+    Reading reading{is_utf8_ ? std::nullopt : std::optional(e), {}};
     for (const std::string& name : names_) {
       const auto text = is_utf8(name) ? name : utf8_from(e, name);
       if (!text) break;
-      reading.names.push_back(normalized_or_base(*text));
+      reading.names.push_back(folded(normalized_or_base(*text)));
     }
     if (reading.names.size() == names_.size()) readings_.push_back(std::move(reading));
   }
@@ -227,7 +246,7 @@ std::optional<NameMatch> FileNames::resolve_encoded(std::string_view reference,
                                                     std::string_view from) const {
   const bool is_readable = is_utf8(reference);
   const bool is_ascii = std::ranges::all_of(reference, [](char c) { return (c & 0x80) == 0; });
-  if (is_ascii || (is_utf8_ && is_readable)) return std::nullopt;
+  if (is_ascii) return std::nullopt;
   const std::pair<std::string, std::string> key(reference, from);
   if (const auto known = encoded_.find(key); known != encoded_.end()) return known->second;
   if (encoded_.size() == kEncodedReferencesMax) return std::nullopt;
@@ -236,18 +255,23 @@ std::optional<NameMatch> FileNames::resolve_encoded(std::string_view reference,
   for (const Reading& reading : readings()) {
     const auto mesh =
         reading.encoding && !is_utf8(from) ? utf8_from(*reading.encoding, from) : std::string(from);
-    const std::string start = folder_of(mesh.value_or(""));
+    const std::string start = folded(folder_of(mesh.value_or("")));
     for (size_t e = 0; e < (is_readable ? 1 : kTextEncodingCount); ++e) {
-      const auto path = is_readable ? std::string(reference) : utf8_from(e, reference);
-      const auto found = path ? find(reading.names, *path, start) : std::nullopt;
+      auto path = is_readable ? std::string(reference) : utf8_from(e, reference);
+      if (path) path = folded(*path);
+      const auto found = path ? find_folded(reading.names, *path, start) : std::nullopt;
       if (!found) continue;
       if (match && match->index != *found) return std::nullopt;
       if (match) continue;
       std::string guess = difference(*path, reading.names[*found], start);
-      guess += guess.empty() ? "read as " : ", read as ";
-      if (!is_readable) guess += kTextEncodings[e];
-      if (!is_readable && reading.encoding) guess += " and ";
-      if (reading.encoding) guess += kTextEncodings[*reading.encoding];
+      if (!is_readable || reading.encoding) {
+        guess += guess.empty() ? "read as " : ", read as ";
+        if (!is_readable) guess += kTextEncodings[e];
+        if (!is_readable && reading.encoding) guess += " and ";
+        if (reading.encoding) guess += kTextEncodings[*reading.encoding];
+      } else if (guess.empty()) {
+        guess = "the same name in another case or Unicode form";
+      }
       match = NameMatch{*found, std::move(guess)};
     }
   }

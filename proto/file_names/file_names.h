@@ -37,12 +37,13 @@ class FileNames {
   // The file that `reference` means in the file `from`. The order is: the path from the folder of
   // `from`, or from the top, as written or percent-decoded; then the last parts of the path, as
   // many as fit, in the folder of `from`, below it, or anywhere, without regard to case where
-  // exactly one fits; last the same in a legacy encoding of the names, the reference or both, if
-  // all encodings that fit give the same file. nullopt if none matches, and for data: URIs.
+  // exactly one fits; last the same with another Unicode form of letters (NFC, NFD) or case beyond
+  // ASCII, and in a legacy encoding of the names, the reference or both, if all encodings that fit
+  // give the same file. nullopt if none matches, and for data: URIs.
   std::optional<NameMatch> resolve(std::string_view reference, std::string_view from) const;
 
  private:
-  // The normalized names as one encoding reads them; none: as they are written.
+  // The normalized names as one encoding reads them; none: as UTF-8.
   struct Reading {
     std::optional<size_t> encoding;
     std::vector<std::string> names;
@@ -51,9 +52,9 @@ class FileNames {
   std::optional<NameMatch> resolve_encoded(std::string_view reference, std::string_view from) const;
 
   std::vector<std::string> names_;  // as given
-  std::vector<Reading> as_written_{{}};
+  std::vector<std::string> as_written_;    // normalized
   bool is_utf8_ = true;                    // all names
-  mutable std::vector<Reading> readings_;  // in the encodings that read all names
+  mutable std::vector<Reading> readings_;  // folded, in the encodings that read all names
   // What resolve_encoded() found.
   mutable std::map<std::pair<std::string, std::string>, std::optional<NameMatch>> encoded_;
 };

@@ -10,6 +10,7 @@ import os
 import pathlib
 import posixpath
 import re
+import unicodedata
 import urllib.parse
 from collections.abc import Iterator
 
@@ -37,6 +38,11 @@ def _read_as(name: str, encoding: str | None) -> str | None:
         return name.encode("utf-8", "surrogateescape").decode(encoding)
     except UnicodeError:
         return None
+
+
+def _folded(text: str) -> str:
+    """With composed letters, and without regard to case. macOS decomposes letters in names of files."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFD", text).casefold())
 
 
 def _find(names: list[str], reference: str) -> int | None:
@@ -72,15 +78,16 @@ class _Names:
         return self._add(posixpath.normpath(name.replace("\\", "/")) if name else "")
 
     def add_similar(self, reference: str) -> bool:
-        """Adds the file that the daemon will take for the reference: in another case, in a folder below, or in a
-        legacy encoding."""
+        """Adds the file that the daemon will take for the reference: in another case, in a folder below, with another
+        Unicode form of letters, or in a legacy encoding."""
         if self.files is None:
             self.files = self._list_files()
         found = _find(self.readings(None), urllib.parse.unquote(reference))
         if found is None:
             pairs = [(self.readings(names), _read_as(reference, path))
                      for names in _encodings("".join(self.files)) for path in _encodings(reference)]
-            others = {_find(names, path) for names, path in pairs if path is not None} - {None}
+            others = {_find([_folded(name) for name in names], _folded(path))
+                      for names, path in pairs if path is not None} - {None}
             found = others.pop() if len(others) == 1 else None
         return found is not None and self._add(self.files[found])
 

@@ -293,6 +293,18 @@ class CliFiles(DaemonTest):
             self.assertEqual(colors, {(0, 0, 255)})
             self.assertIn(reading, said)
 
+    def test_names_of_macos_whose_letters_are_decomposed_are_found_on_disk_and_in_zips(self):
+        files = {"a.obj": "mtllib \u00fc.mtl\n".encode() + self.SQUARE,
+                 "u\u0308.mtl": "newmtl m\nmap_Kd \uac00.tga\n".encode(), "\u1100\u1161.tga": self.texture(0, 255, 0)}
+        self.put(**files)
+        with zipfile.ZipFile(self.dir / "b.zip", "w") as archive:
+            for name, data in files.items():
+                archive.writestr(name, data)
+        for mesh in ("a.obj", "b.zip"):
+            colors, said = self.colors(self.dir / mesh)
+            self.assertEqual(colors, {(0, 255, 0)}, mesh)
+            self.assertIn("\u1100\u1161.tga is taken for it (the same name in another case or Unicode form)", said)
+
     def test_the_textures_of_a_ply_are_sent(self):
         self.put(**{"scan.ply": b"ply\nformat ascii 1.0\ncomment TextureFile <this> skin.tga\nelement vertex 3\n"
                                 b"property float x\nproperty float y\nproperty float z\nproperty float s\n"

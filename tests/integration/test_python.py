@@ -390,12 +390,13 @@ class Meshes(PythonTest):
     def test_files_under_other_names_are_sent_and_found(self):
         (self.dir / "textures").mkdir()
         image = self.client.render(CUBE, size=2, width=4, height=4, background="#ff0000")
-        for name in ("textures/brick.png", "\u8d34\u56fe.png", "scan_0.png"):
+        for name in ("textures/brick.png", "\u8d34\u56fe.png", "u\u0308.png", "scan_0.png"):
             (self.dir / name).write_bytes(image)
         (self.dir / "wall.mtl").write_bytes(b"newmtl a\nmap_Kd C:\\me\\Textures\\BRICK.PNG\nnewmtl b\nmap_Kd "
-                                            + "\u8d34\u56fe.png\n".encode("gbk"))
+                                            + "\u8d34\u56fe.png\n".encode("gbk")
+                                            + "newmtl c\nmap_Kd \u00fc.png\n".encode())
         (self.dir / "wall.obj").write_text("mtllib Wall.MTL\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\n"
-                                           "f 1/1 2/1 3/1\nusemtl b\nf 1/1 3/1 2/1\n")
+                                           "f 1/1 2/1 3/1\nusemtl b\nf 1/1 3/1 2/1\nusemtl c\nf 2/1 3/1 1/1\n")
         (self.dir / "scan.ply").write_text(
             "ply\nformat ascii 1.0\ncomment TextureFile <this>_0.png\nelement vertex 3\nproperty float x\n"
             "property float y\nproperty float z\nproperty float s\nproperty float t\nelement face 1\n"
@@ -403,7 +404,7 @@ class Meshes(PythonTest):
         for name in ("wall.obj", "scan.ply"):
             self.assertEqual(self.client.info(self.dir / name)["missing_files"], [], name)
         warnings = self.client.voxelize(self.dir / "wall.obj", size=8).warnings
-        self.assertEqual(len([each for each in warnings if "is taken for it" in each]), 3, warnings)
+        self.assertEqual(len([each for each in warnings if "is taken for it" in each]), 4, warnings)
 
     def test_a_missing_file_is_searched_in_each_encoding_only_where_a_name_is_no_utf8(self):
         path = self.dir / "a.obj"

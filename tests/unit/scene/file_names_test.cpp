@@ -116,6 +116,24 @@ TEST(FileNames, names_in_a_legacy_encoding_are_found_by_their_bytes_or_by_readin
                  {{"贴图.png", inside.c_str(), "read as GBK"}});
 }
 
+TEST(FileNames, letters_of_another_unicode_form_or_case_are_found) {
+  constexpr const char* kForm = "the same name in another case or Unicode form";
+  // "ü" and "가" of one character and of several, as macOS has them in names of files.
+  const std::string latin = "u\u0308bung.png", hangul = "x/\u1100\u1161.png";
+  expect_matches({"m/a.obj", "m/" + latin, hangul}, "m/a.obj",
+                 {{"\u00fcbung.png", ("m/" + latin).c_str(), kForm},
+                  {"%C3%BCbung.png", ("m/" + latin).c_str(), kForm},
+                  {"D:\\m\\\u00dcBUNG.PNG", ("m/" + latin).c_str(), kPathEnd},
+                  {"../x/\uac00.png", hangul.c_str(), kForm},
+                  {"\u00f6bung.png", nullptr}});
+  // As written before folded; of several that are equal then, none.
+  expect_matches(
+      {"\u00fc.png", "u\u0308.png", "\u00d6.png", "O\u0308.png"}, "",
+      {{"\u00fc.png", "\u00fc.png"}, {"u\u0308.png", "u\u0308.png"}, {"\u00f6.png", nullptr}});
+  expect_matches({"stra\u00dfe.png"}, "",
+                 {{"STRASSE.png", nullptr}, {"STRA\u1e9eE.png", "stra\u00dfe.png", kForm}});
+}
+
 TEST(FileNames, an_encoding_must_read_all_names_and_two_must_not_disagree) {
   // 0x80 is no character of Shift-JIS, so the first name is not read as it.
   const std::string sjis = "\x95\x5c.png";
