@@ -38,8 +38,8 @@ std::string normalized_or_base(std::string_view name) {
   return normalized_name(name).value_or(std::string(base_name(name)));
 }
 
-// With composed letters (NFC) and without regard to case, beyond ASCII too. macOS decomposes letters
-// in names of files.
+// With composed letters (NFC) and without regard to case, beyond ASCII too. macOS decomposes the
+// letters of names of files.
 std::string folded(const std::string& text) {
   utf8proc_uint8_t* out = nullptr;
   const auto options =
