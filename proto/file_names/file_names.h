@@ -51,7 +51,7 @@ class FileNames {
   const std::vector<Reading>& readings() const;
   std::optional<NameMatch> resolve_encoded(std::string_view reference, std::string_view from) const;
 
-  std::vector<std::string> names_;  // as given
+  std::vector<std::string> names_;         // as given
   std::vector<std::string> as_written_;    // normalized
   bool is_utf8_ = true;                    // all names
   mutable std::vector<Reading> readings_;  // folded, in the encodings that read all names

@@ -53,19 +53,6 @@ double unit_scale(double length) {
 // Planes are at most so many voxels from the grid's corner, which is far outside every grid.
 constexpr double kSectionDistanceMax = 1e30;
 
-// Converts a world plane to a grid plane, whose largest coefficient is about 1.
-glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec) {
-  glm::dvec3 normal(plane[0], plane[1], plane[2]);
-  const double scale = unit_scale(largest_of(glm::abs(normal)));
-  normal *= scale;
-  const glm::dvec3 in_grid = normal * spec.voxel_size, size = glm::abs(in_grid);
-  const double margin = kSectionMargin * (size.x + size.y + size.z);
-  const double d = glm::dot(normal, spec.origin_world) + scale * plane[3] + margin;
-  const double grid_scale = unit_scale(largest_of(size));
-  return {grid_scale * in_grid,
-          std::clamp(grid_scale * d, -kSectionDistanceMax, kSectionDistanceMax)};
-}
-
 double smooth_step(double from, double to, double at) {
   const double t = std::clamp((at - from) / (to - from), 0.0, 1.0);
   return t * t * (3.0 - 2.0 * t);
@@ -139,6 +126,18 @@ uint32_t flags_of(const PackedGrid& grid, const RenderOptions& options) {
 }
 
 }  // namespace
+
+glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec) {
+  glm::dvec3 normal(plane[0], plane[1], plane[2]);
+  const double scale = unit_scale(largest_of(glm::abs(normal)));
+  normal *= scale;
+  const glm::dvec3 in_grid = normal * spec.voxel_size, size = glm::abs(in_grid);
+  const double margin = kSectionMargin * (size.x + size.y + size.z);
+  const double d = glm::dot(normal, spec.origin_world) + scale * plane[3] + margin;
+  const double grid_scale = unit_scale(largest_of(size));
+  return {grid_scale * in_grid,
+          std::clamp(grid_scale * d, -kSectionDistanceMax, kSectionDistanceMax)};
+}
 
 // Every step crosses a plane between cells of the occupied box, and a ray crosses each plane only
 // once.

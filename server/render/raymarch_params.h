@@ -37,6 +37,10 @@ ImageBackground image_background(const RenderOptions& options);
 // The voxels, as an image frames them.
 Subject subject_of(const PackedGrid& grid);
 
+// A section's plane in space of the grid, positive in the part that is cut away, with a largest
+// coefficient of about 1.
+glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec);
+
 // Rays along each side of a pixel, before a device's limits: the requested number, or one that
 // suits the image's size.
 int wanted_samples(const RenderOptions& options, const RenderQuality& quality);

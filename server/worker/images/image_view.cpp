@@ -8,6 +8,7 @@
 
 #include "server/base/check.h"
 #include "server/grid/level.h"
+#include "server/render/raymarch_params.h"
 
 namespace voxeld {
 namespace {
@@ -34,11 +35,7 @@ ImageView::ImageView(const RenderOptions& options, const GridSpec& spec)
   VOXELD_CHECK(options.matrix.has_value(), "a view has its camera");
   clip_from_grid_ = from_row_major(*options.matrix) *
                     glm::scale(glm::translate(glm::dmat4(1.0), spec.origin_world), spec.voxel_size);
-  if (const auto& plane = options.section) {
-    const glm::dvec3 normal((*plane)[0], (*plane)[1], (*plane)[2]);
-    section_ =
-        glm::dvec4(normal * spec.voxel_size, glm::dot(normal, spec.origin_world) + (*plane)[3]);
-  }
+  if (options.section) section_ = section_in_grid(*options.section, spec);
 }
 
 bool ImageView::sees(const CellBox& cells) const {

@@ -85,9 +85,11 @@ TEST(ImageView, cells_cut_away_by_the_section_are_not_seen) {
   RenderOptions options = seen_from(0, 1, Projection::kPerspective);
   const CellBox low{{0, 0, 0}, {100, 1000, 1000}}, high{{600, 0, 0}, {700, 1000, 1000}};
   EXPECT_TRUE(ImageView(options, spec()).sees(high));
-  options.section = {1, 0, 0, -60};  // x > 60 goes; that is cell 500
-  EXPECT_TRUE(ImageView(options, spec()).sees(low));
-  EXPECT_FALSE(ImageView(options, spec()).sees(high));
+  for (const double unit : {1.0, 1e-300, 1e306}) {
+    options.section = {unit, 0, 0, -60 * unit};  // x > 60 goes; that is cell 500
+    EXPECT_TRUE(ImageView(options, spec()).sees(low)) << unit;
+    EXPECT_FALSE(ImageView(options, spec()).sees(high)) << unit;
+  }
 }
 
 TEST(ImageView, cells_are_as_large_as_steps_between_their_corners) {
