@@ -149,14 +149,14 @@ Result<std::vector<KeptResult>> ResultStore::list(const Caller& caller, KeptKind
 
 Result<Ids> ResultStore::delete_of_job(const Caller& caller, std::string_view job) {
   Ids ids;
-  VOXELD_TRY(database_.write(
+  VOXELD_TRY(database_.write_freeing(
       [&](SqlConnection& connection) { return delete_of(connection, caller, job, ids); }));
   return ids;
 }
 
 Result<Ids> ResultStore::delete_grid(const Caller& caller, std::string_view id) {
   Ids ids;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(check_stored_grid(connection, caller, id));
     VOXELD_ASSIGN(const auto results, kept_results(connection, caller, "grid", id));
     if (results.empty()) return frame_error(connection, caller, id);
@@ -168,7 +168,7 @@ Result<Ids> ResultStore::delete_grid(const Caller& caller, std::string_view id) 
 
 Result<Ids> ResultStore::delete_sequence(const Caller& caller, std::string_view id) {
   Ids ids;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(check_stored_sequence(connection, caller, id));
     VOXELD_ASSIGN(const auto results, kept_results(connection, caller, "sequence", id));
     return delete_all(connection, results, ids);
