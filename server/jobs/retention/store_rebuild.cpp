@@ -28,8 +28,8 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-// First bytes of formats that jobs write and nobody uploads. PNG is not one: it may be a texture.
-constexpr std::string_view kOutputHeads[] = {"VOXSEQ\0\0"sv, "\x93NUMPY"sv, "VOX "sv, "GIF8"sv};
+// Of formats that jobs alone write: nobody uploads them.
+constexpr std::string_view kSequenceHead = "VOXSEQ\0\0"sv;
 constexpr std::string_view kGridHead = "VOXGRID\0"sv;
 // A local file header of a zip; the name of the file stands behind its 30 bytes.
 constexpr std::string_view kZipHead = "PK\3\4"sv;
@@ -54,10 +54,7 @@ bool is_npz(std::string_view bytes) {
 
 BlobKind kind_of(std::string_view bytes) {
   if (bytes.starts_with(kGridHead)) return GridBlob();
-  for (const std::string_view head : kOutputHeads) {
-    if (bytes.starts_with(head)) return OutputBlob();
-  }
-  if (is_npz(bytes)) return OutputBlob();
+  if (bytes.starts_with(kSequenceHead) || is_npz(bytes)) return OutputBlob();
   if (!bytes.starts_with('{') || bytes.size() > kManifestBytesMax) return AssetBlob();
   if (auto sequence = parse_sequence(bytes)) return *std::move(sequence);
   if (bytes.size() <= static_cast<size_t>(limits::kJsonBodyBytesMax)) {

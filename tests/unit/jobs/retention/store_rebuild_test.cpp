@@ -35,7 +35,8 @@ class StoreRebuildTest : public ServiceTest {
 };
 
 TEST_F(StoreRebuildTest, assets_bundles_grids_and_sequences_are_known_again) {
-  const std::string mesh = "ply\nmesh", skin = "\x89PNG skin", grid = "VOXGRID\0 grid"s;
+  const std::string mesh = "ply\nmesh", skin = "\x89PNG skin", grid = "VOXGRID\0 grid"s,
+                    array = "\x93NUMPY array";
   const std::string bundle = "{\"files\": [{\"name\": \"a.ply\", \"asset\": \"" + sha256_id(mesh) +
                              "\"}, {\"name\": \"skin.png\", \"asset\": \"" + sha256_id(skin) +
                              "\"}]}";
@@ -44,10 +45,11 @@ TEST_F(StoreRebuildTest, assets_bundles_grids_and_sequences_are_known_again) {
   manifest.voxel_size = {1, 1, 1};
   manifest.frames = {{0, sha256_id(grid), 1, sha256_id("h")}};
   const std::string sequence = sequence_json(manifest);
-  lose_database({mesh, skin, grid, bundle, sequence, "\x93NUMPY array", "{\"asset\": {}}"});
+  lose_database(
+      {mesh, skin, grid, bundle, sequence, array, "VOXSEQ\0\0 frames"s, "{\"asset\": {}}"});
   const auto report = rebuild_store(data(), std::nullopt);
   ASSERT_TRUE(report) << report.error().message();
-  EXPECT_EQ(report->assets, 4);  // mesh, image, manifest, glTF
+  EXPECT_EQ(report->assets, 5);  // mesh, image, manifest, voxels, glTF
   EXPECT_EQ(report->grids, 1);
   EXPECT_EQ(report->sequences, 1);
   EXPECT_EQ(report->outputs, 1);
@@ -61,9 +63,9 @@ TEST_F(StoreRebuildTest, assets_bundles_grids_and_sequences_are_known_again) {
   EXPECT_EQ(service_->get_sequence(Caller::open(), sha256_id(sequence))->frames.size(), 1u);
   EXPECT_EQ(blob_bytes(Caller::open()),
             static_cast<int64_t>(mesh.size() + skin.size() + grid.size() + bundle.size() +
-                                 sequence.size() + "{\"asset\": {}}"s.size()));
+                                 sequence.size() + array.size() + "{\"asset\": {}}"s.size()));
   service_.reset();
-  EXPECT_EQ(rebuild_store(data(), std::nullopt)->known, 6);
+  EXPECT_EQ(rebuild_store(data(), std::nullopt)->known, 7);
 }
 
 TEST_F(StoreRebuildTest, what_went_to_quarantine_is_found_too) {
