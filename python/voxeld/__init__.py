@@ -7,7 +7,7 @@
     g.render(azimuth=30)
 
 The functions use a voxeld that they find as the command line `voxel` does, and start a private one if there is none.
-`Client` names another server. `voxeld.aio` has the same for asyncio. docs/python.md tells more.
+`Client` names another server. `voxeld.aio` has them for asyncio. docs/python.md tells more.
 """
 from __future__ import annotations
 
