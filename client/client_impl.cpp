@@ -353,10 +353,10 @@ JobInfo ClientImpl::look_for(std::string_view id, std::chrono::seconds time,
   return job_info(parse_object(look(id, "", std::min(time, kPollTime), stop).body));
 }
 
-JobInfo ClientImpl::cancel(std::string_view id, std::string_view query) {
+JobInfo ClientImpl::cancel(std::string_view id) {
   HttpRequest request;
   request.method = "DELETE";
-  request.url = url("/v1/jobs/" + std::string(id) + std::string(query));
+  request.url = url("/v1/jobs/" + std::string(id));
   return job_info(parse_object(call(std::move(request)).body));
 }
 

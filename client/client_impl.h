@@ -44,8 +44,8 @@ class ClientImpl {
   JobInfo wait(std::string_view id, const ProgressCallback& progress, const std::stop_token& stop);
   // The state of a job, after at most these seconds unless it ends before.
   JobInfo look_for(std::string_view id, std::chrono::seconds time, const std::stop_token& stop);
-  // DELETE /v1/jobs/{id} with this query.
-  JobInfo cancel(std::string_view id, std::string_view query = "");
+  // DELETE /v1/jobs/{id}.
+  JobInfo cancel(std::string_view id);
   // The tiles of a job behind the first `after`: 200; 202: none yet; 204: there are no others.
   HttpResponse tiles(std::string_view job, std::int64_t after, const std::stop_token& stop);
   // The bytes of a resource; `what` names it in errors.

@@ -65,7 +65,7 @@ const JobInfo& Job::wait(const ProgressCallback& progress, const std::stop_token
 }
 
 void Job::cancel() {
-  if (!info_.ended()) info_ = client_->cancel(percent_encode(id()), "?ended=keep");
+  if (!info_.ended()) info_ = client_->cancel(percent_encode(id()));
 }
 
 void Job::download(const Sink& sink, const ProgressCallback& progress,

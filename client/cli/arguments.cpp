@@ -281,7 +281,7 @@ void CommandLine::add_stored_commands() {
   jobs->add_option("id", arguments.job,
                    "one job; with -o its result is fetched, as the format that the name says")
       ->type_name("ID");
-  jobs->add_flag("--cancel", arguments.cancel, "cancel it");
+  jobs->add_flag("--cancel", arguments.cancel, "cancel it; one that has ended stays as it is");
   jobs->add_option("--limit", arguments.limit, "how many (default 20)")
       ->type_name("N")
       ->check(CLI::Range(1, 1000));

@@ -40,7 +40,8 @@ class Client:
         key: API key. None: $VOXELD_KEY, the file $VOXELD_KEY_FILE, or `key_file` of the configuration file.
         local: True: the private voxeld, also if another serves. False: never start one.
         idle_timeout: seconds without a byte from the server until a request fails; None: no limit.
-        retries: further tries after 429, 503 and broken connections, after Retry-After or a pause that doubles.
+        retries: further tries after 429, 503 and broken connections, after Retry-After or a pause that doubles,
+            at most 10 s.
 
     The options of its methods are those of docs/options.md. Each method also takes
 
@@ -239,7 +240,7 @@ class Client:
     def _cancel(self, job: str) -> None:
         """Cancels a job, unless it has ended."""
         with contextlib.suppress(Error):
-            self._transport.request(Call(CANCEL_SECONDS), "DELETE", f"/v1/jobs/{job}?ended=keep")
+            self._transport.request(Call(CANCEL_SECONDS), "DELETE", f"/v1/jobs/{job}")
 
     def _look(self, call: Call, job: str, etag: str, waits: bool) -> Response:
         """The status at the end of the job, or with an ETag after its next change; waits: at most POLL_SECONDS. 304 and

@@ -102,6 +102,8 @@ class Transport:
                 if attempt >= self.retries:
                     raise self._unreachable(failure) from failure
                 call.pause(self._pause_seconds(attempt, None))
+                if isinstance(failure, _Broken) and method == "DELETE":
+                    also_good = (*also_good, 404, 410)  # it may be done
             else:
                 if response.status // 100 == 2 or response.status in also_good:
                     return response

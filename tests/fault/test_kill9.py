@@ -74,11 +74,9 @@ class Client(threading.Thread):
         self.random = random.Random(seed)
         self.mine = []  # assets of this client
         self.count = 0
-        self.is_repeated = False  # the last call: an earlier try of it had no response
 
     def call(self, method, path, body=None, headers=None):
         """Repeats the request with the same key until there is a response."""
-        self.is_repeated = False
         while not self.arena.ended.is_set():
             with self.history.lock:
                 self.history.requests_sent += 1
@@ -93,7 +91,6 @@ class Client(threading.Thread):
             except (OSError, http.client.HTTPException, ValueError):
                 with self.history.lock:
                     self.history.lost_responses += 1
-                self.is_repeated = True
             time.sleep(0.02)
         return None, {}
 
@@ -132,8 +129,7 @@ class Client(threading.Thread):
             with self.history.lock:
                 self.history.cancelled.add(key)
             status, body = self.call("DELETE", "/v1/jobs/" + self.history.jobs[key])
-            # Not found: the first try came after the job's end and removed its record.
-            if status not in (None, 200, 202) and not (status == 404 and self.is_repeated):
+            if status not in (None, 200, 202):
                 self.history.problem(f"cancel: {status} {body}")
 
     def delete(self):

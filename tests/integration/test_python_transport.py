@@ -363,6 +363,15 @@ class Transport(TransportTest):
                     self.client._upload_file, Call(), file, False))
                 self.assertIn(got, str(failure))
 
+    def test_a_deletion_whose_first_response_is_lost_may_find_nothing_left(self):
+        for again, is_done in ((problem(410, "gone"), True), (problem(404, "not-found"), True),
+                               (problem(409, "conflict"), False)):
+            self.script(response(200, b"", length=9), Script.CLOSE, again)
+            delete = functools.partial(self.client.delete, voxeld.Asset("sha256-a"))
+            delete() if is_done else self.raised(voxeld.Error, "conflict", delete)
+        self.script(problem(404, "not-found"))
+        self.raised(voxeld.Error, "not-found", lambda: self.client.delete(voxeld.Asset("sha256-a")))
+
     def test_a_pipe_is_read_once(self):
         script = self.script(json_response({"id": "sha256-a"}, 201))
         with tempfile.TemporaryDirectory() as folder:
@@ -425,7 +434,7 @@ class Transport(TransportTest):
         canceller.start()
         self.raised(voxeld.Cancelled, "interrupted", lambda: self.client.voxelize(b"solid", cancel=token))
         canceller.join()
-        self.assertEqual(script.lines()[1:], ["POST /v1/jobs", "POST /v1/jobs", "DELETE /v1/jobs/j-1?ended=keep"])
+        self.assertEqual(script.lines()[1:], ["POST /v1/jobs", "POST /v1/jobs", "DELETE /v1/jobs/j-1"])
         self.assertEqual(script.header("Idempotency-Key", 1), script.header("Idempotency-Key", 2))
 
     def test_the_token_of_a_file_of_frames_ends_its_wait_for_them_and_so_does_that_of_their_job(self):
@@ -438,7 +447,7 @@ class Transport(TransportTest):
             token.cancel()
             self.raised(voxeld.Cancelled, "interrupted", functools.partial(
                 animation.save, "never.vox", cancel=None if of_job else token))
-            self.assertEqual(script.lines()[2:], ["GET /v1/jobs/j-1"] * of_job + ["DELETE /v1/jobs/j-1?ended=keep"])
+            self.assertEqual(script.lines()[2:], ["GET /v1/jobs/j-1"] * of_job + ["DELETE /v1/jobs/j-1"])
 
     def test_a_job_that_failed_keeps_its_record_when_its_stream_ends(self):
         failed = {**DONE, "state": "failed"}
@@ -448,7 +457,7 @@ class Transport(TransportTest):
         self.raised(voxeld.BadInput, "malformed-mesh", lambda: list(stream))
         stream.cancel()
         self.assertEqual(script.lines()[2:], ["GET /v1/jobs/j-1/tiles?after=0",
-                                              *["DELETE /v1/jobs/j-1?ended=keep"] * 2])
+                                              *["DELETE /v1/jobs/j-1"] * 2])
 
     def test_a_name_that_is_no_utf8_is_sent_as_text_that_is(self):
         script = self.script(json_response({"id": "sha256-a"}, 201), json_response(DONE), json_response(DONE))

@@ -64,7 +64,7 @@ class Quotas(unittest.TestCase):
     def remove_jobs(self, lab, jobs):
         """Cancels them where they have not ended, and removes their records."""
         for job in jobs:
-            wait_until(lambda: lab.request("DELETE", f"/v1/jobs/{job}").status == 404, f"the record of {job} is gone")
+            wait_until(lambda: lab.request("DELETE", f"/v1/jobs/{job}?ended=remove").status == 404, f"the record of {job} is gone")
 
     def test_bytes(self):
         mesh = (self.fixtures / "sample.ply").read_bytes()

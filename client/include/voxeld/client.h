@@ -61,8 +61,8 @@ struct Settings {
   // For one exchange with the daemon (the upload, one poll of the job, the download); zero: no
   // limit.
   std::chrono::seconds timeout{0};
-  // Further tries after 429, 503 or a refused connection, with a pause that doubles from 200 ms (or
-  // as long as Retry-After says). An interrupted download is resumed where it stopped.
+  // Further tries after 429, 503 or a refused connection, with a pause that doubles from 200 ms, or
+  // as long as Retry-After says, at most 10 s. An interrupted download goes on where it stopped.
   int retries = 3;
 };
 
@@ -390,7 +390,7 @@ class VOXELD_CLIENT_API Client {
   // Waits until the job has ended. Throws the job's error if it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},
                const std::stop_token& stop = {});
-  // Cancels a job. Removes the record of one that has ended; its result stays.
+  // Cancels a job. One that has ended stays as it is.
   JobInfo cancel(std::string_view id);
   // The finished frames; also while the job runs and after it was cancelled.
   JobFrames frames(std::string_view job);

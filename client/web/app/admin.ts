@@ -227,7 +227,7 @@ export class Admin {
           this.#button(
             T.cancel,
             job.filename || job.id,
-            () => this.api.request(`/v1/jobs/${job.id}?ended=keep`, { method: "DELETE" }),
+            () => this.api.request(`/v1/jobs/${job.id}`, { method: "DELETE" }),
             () => this.#showQueue(),
           ),
         ]),

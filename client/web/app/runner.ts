@@ -126,7 +126,7 @@ export class Runner {
 
   // The job's status; null if there is none.
   #cancel(job: string): Promise<JobStatus | null> {
-    const path = `/v1/jobs/${job}?ended=keep`;
+    const path = `/v1/jobs/${job}`;
     return this.api.json<JobStatus>(path, { method: "DELETE" }).catch(ignoreProblem);
   }
 

@@ -85,9 +85,13 @@ Reply get_events(Request& request, Api& api) {
     }
     after = *id_seen;
   }
+  Response response;
+  if (status->ended() && status->version <= after) {
+    response.status = 204;  // an EventSource asks no more
+    return response;
+  }
   auto place = api.waits.take(request.caller.tenant());
   if (!place) return problem(request, place.error());
-  Response response;
   response.headers["Content-Type"] = "text/event-stream";
   response.headers["Cache-Control"] = "no-store";
   response.headers["X-Accel-Buffering"] = "no";

@@ -1,5 +1,6 @@
 #include "server/api/resources/list_body.h"
 
+#include <limits>
 #include <memory>
 #include <utility>
 
@@ -59,8 +60,10 @@ Error bad_cursor(std::string_view after) {
 
 Result<int64_t> cursor_number(std::string_view after) {
   if (after.empty()) return int64_t{-1};
-  const auto number = parse_number<int64_t>(after);
-  if (!number || *number < 0) return bad_cursor(after);
+  // Far beyond each list, so that sums with it do not overflow.
+  constexpr int64_t kCursorMax = std::numeric_limits<int64_t>::max() / 2;
+  const auto number = parse_number<int64_t>(after, 0, kCursorMax);
+  if (!number) return bad_cursor(after);
   return *number;
 }
 

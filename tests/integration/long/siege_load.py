@@ -221,7 +221,7 @@ class Siege(TenantsDaemon):
             if answer.status in (200, 202):
                 made.append(answer.json()["id"])
         for job in made:  # not those of the attacks beside this one
-            self.ask("fill_with_records", "DELETE", f"/v1/jobs/{job}")
+            self.ask("fill_with_records", "DELETE", f"/v1/jobs/{job}?ended=remove")
 
     def hold_deleted_files(self):
         """Results of 10 MB that are deleted while connections that read nothing hold them."""

@@ -161,7 +161,7 @@ class Soak(TenantsDaemon):
                         "options": {"size": chance.choice((200, 3000, 8000)), "cache": "no",
                                     "channels": "occupancy"}}).json()
         time.sleep(chance.random() * 0.5)
-        self.ask(tenant, "DELETE", f"/v1/jobs/{job['id']}", {200, 202, 404})
+        self.ask(tenant, "DELETE", f"/v1/jobs/{job['id']}", {200, 202})
         self.ask(tenant, "DELETE", f"/v1/assets/{asset}", {200, 204, 404, 409, 410})
 
     def send_nonsense(self, tenant, chance):

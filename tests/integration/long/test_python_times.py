@@ -36,7 +36,7 @@ class Transport(test_python_transport.TransportTest):
                              json_response({**DONE, "state": "running"}), json_response({}, 202))
         threading.Timer(4, script.ended.set).start()  # after the timeout, and before the request to cancel has one
         self.raised(voxeld.Timeout, "timeout", lambda: self.client.voxelize(b"solid", timeout=2))
-        self.assertEqual(script.lines()[1:], ["POST /v1/jobs", "POST /v1/jobs", "DELETE /v1/jobs/j-1?ended=keep"])
+        self.assertEqual(script.lines()[1:], ["POST /v1/jobs", "POST /v1/jobs", "DELETE /v1/jobs/j-1"])
         self.assertEqual(script.header("Idempotency-Key", 1), script.header("Idempotency-Key", 2))
 
 

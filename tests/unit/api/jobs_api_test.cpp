@@ -54,29 +54,21 @@ TEST_F(JobsApi, while_memory_is_short_new_work_is_refused_and_the_rest_goes_on) 
   hold_memory_reserve(0);
 }
 
-TEST_F(JobsApi, delete_cancels_a_job_and_then_removes_its_record) {
-  const std::string id = submit();
-  const HttpResponse cancelled = request("DELETE", "/v1/jobs/" + id);
-  EXPECT_EQ(cancelled.status, 200);
-  EXPECT_EQ(json(cancelled).value("state", ""), "cancelled");
-  EXPECT_EQ(get("/v1/jobs/" + id).status, 200);
-  const HttpResponse removed = request("DELETE", "/v1/jobs/" + id);
+TEST_F(JobsApi, delete_cancels_a_job_and_removes_one_that_had_ended_if_told_so) {
+  const std::string id = submit(), remove = "/v1/jobs/" + id + "?ended=remove";
+  for (const std::string& path : {remove, "/v1/jobs/" + id, "/v1/jobs/" + id}) {
+    const HttpResponse cancelled = request("DELETE", path);
+    EXPECT_EQ(cancelled.status, 200);
+    EXPECT_EQ(json(cancelled).value("state", ""), "cancelled");
+    EXPECT_EQ(get("/v1/jobs/" + id).status, 200);
+  }
+  const HttpResponse removed = request("DELETE", remove);
   EXPECT_EQ(removed.status, 200);
   EXPECT_EQ(json(removed).value("state", ""), "cancelled") << "as it was last";
   for (const char* path : {"", "/events", "/result"}) {
     EXPECT_EQ(get("/v1/jobs/" + id + path).status, 404) << path;
   }
-  EXPECT_EQ(request("DELETE", "/v1/jobs/" + id).status, 404);
-}
-
-TEST_F(JobsApi, delete_that_keeps_ended_jobs_cancels_alone) {
-  const std::string path = "/v1/jobs/" + submit();
-  for (int i = 0; i < 2; ++i) {
-    const HttpResponse cancelled = request("DELETE", path + "?ended=keep");
-    EXPECT_EQ(cancelled.status, 200);
-    EXPECT_EQ(json(cancelled).value("state", ""), "cancelled");
-  }
-  EXPECT_EQ(get(path).status, 200);
+  EXPECT_EQ(request("DELETE", remove).status, 404);
 }
 
 TEST_F(JobsApi, a_query_with_another_word_than_its_parameter_has_is_refused_and_does_nothing) {
@@ -89,10 +81,10 @@ TEST_F(JobsApi, a_query_with_another_word_than_its_parameter_has_is_refused_and_
     EXPECT_EQ(json(refused).value("expected", ""), expected) << name;
     EXPECT_EQ(json(refused).value("got", "none"), "\"" + got + "\"") << name;
   };
-  expect_refused(request("DELETE", job + "?ended=Keep"), "ended", "keep", "Keep");
+  expect_refused(request("DELETE", job + "?ended=Remove"), "ended", "remove", "Remove");
   EXPECT_EQ(json(get(job)).value("state", ""), "queued");
   ASSERT_EQ(json(request("DELETE", job)).value("state", ""), "cancelled");
-  expect_refused(request("DELETE", job + "?ended=remove"), "ended", "keep", "remove");
+  expect_refused(request("DELETE", job + "?ended=keep"), "ended", "remove", "keep");
   EXPECT_EQ(get(job).status, 200);
   const std::string body =
       R"({"kind":"voxelize","asset":")" + asset.substr(asset.rfind('/') + 1) + R"("})";
@@ -308,6 +300,16 @@ TEST_F(Events, a_stream_ends_whole_when_the_daemon_stops) {
   EXPECT_TRUE(client.receive_to_end()) << "ended by its last chunk, not cut";
 }
 
+TEST_F(Events, after_the_last_event_of_a_job_there_is_no_content) {
+  const std::string job = "/v1/jobs/" + submit();
+  ASSERT_EQ(request("DELETE", job).status, 200);
+  const HttpResponse events = get(job + "/events");
+  EXPECT_EQ(events.status, 200);
+  const std::string last = events.body.substr(events.body.rfind("id: ") + 4);
+  const std::string seen = last.substr(0, last.find('\n'));
+  EXPECT_EQ(get(job + "/events", "Last-Event-ID: " + seen + "\r\n").status, 204);
+}
+
 TEST_F(Events, an_event_id_that_is_none_is_a_bad_request) {
   const std::string path = "/v1/jobs/" + submit() + "/events";
   EXPECT_EQ(get(path, "Last-Event-ID: x\r\n").code(), "bad-request");
@@ -342,8 +344,8 @@ TEST_F(JobsApi, a_list_goes_on_after_a_job_whose_record_was_deleted) {
   const std::string older = submit(), newer = submit();
   const auto first = json(get("/v1/jobs?limit=1"));
   ASSERT_EQ(first["jobs"][0]["id"], newer);
-  request("DELETE", "/v1/jobs/" + newer);  // cancels it
   request("DELETE", "/v1/jobs/" + newer);
+  request("DELETE", "/v1/jobs/" + newer + "?ended=remove");
   ASSERT_EQ(get("/v1/jobs/" + newer).code(), "not-found");
   const auto second = json(get("/v1/jobs?limit=1&after=" + first.value("next", "")));
   ASSERT_EQ(second["jobs"].size(), 1u);
@@ -452,6 +454,12 @@ TEST_F(JobsApi, assets_are_read_page_by_page_and_of_one_time_by_id) {
   for (const char* cursor : {"x", "1", "1.2", "-1.a.b"}) {
     EXPECT_EQ(get("/v1/assets?after=" + std::string(cursor)).code(), "invalid-option") << cursor;
   }
+  // The next one would be below all numbers.
+  const std::string job = "/v1/jobs/" + submit();
+  for (const std::string& list :
+       {std::string("/v1/jobs"), std::string("/v1/grids"), job + "/frames"}) {
+    EXPECT_EQ(get(list + "?after=9223372036854775807").code(), "invalid-option") << list;
+  }
 }
 
 TEST_F(JobsApi, long_texts_of_a_job_are_left_to_its_own_page) {
@@ -471,7 +479,7 @@ TEST_F(JobsApi, long_texts_of_a_job_are_left_to_its_own_page) {
   EXPECT_EQ(whole.header("etag"), sent.header("etag"));
   EXPECT_EQ(json(sent)["options"]["times"], list);
   for (const char* what : {"cancelled", "removed"}) {
-    const HttpResponse last = request("DELETE", sent.header("location"));
+    const HttpResponse last = request("DELETE", sent.header("location") + "?ended=remove");
     ASSERT_EQ(last.status, 200) << what;
     EXPECT_EQ(json(last)["options"]["times"], list) << what;
   }

@@ -484,7 +484,7 @@ TEST(Job, a_stopped_wait_leaves_it_to_the_daemon_until_it_is_cancelled) {
   job.cancel();
   job.cancel();  // has ended
   EXPECT_EQ(job.info().state, "cancelled");
-  EXPECT_THAT(server.lines(), Contains("DELETE /v1/jobs/j-1?ended=keep").Times(1));
+  EXPECT_THAT(server.lines(), Contains("DELETE /v1/jobs/j-1").Times(1));
   EXPECT_EQ(error_of([&] { job.wait(); }).code(), "cancelled");
 }
 
@@ -494,7 +494,7 @@ TEST(Job, a_cancel_leaves_the_record_of_one_that_has_ended_meanwhile) {
   Job job = client.start("voxelize", Input::of_asset("sha256-a"), {});
   job.cancel();
   EXPECT_EQ(job.info().state, "done");
-  EXPECT_THAT(server.lines(), ElementsAre("POST /v1/jobs", "DELETE /v1/jobs/j-1?ended=keep"));
+  EXPECT_THAT(server.lines(), ElementsAre("POST /v1/jobs", "DELETE /v1/jobs/j-1"));
 }
 
 TEST(Job, a_failure_is_thrown_by_the_result_and_not_by_the_poll) {

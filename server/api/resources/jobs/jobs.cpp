@@ -180,15 +180,15 @@ Reply get_job(Request& request, Api& api) {
   return wait_for_job(request, api, std::move(plan));
 }
 
-// Cancels a job, and removes the record of one that had ended before, unless `ended=keep`: its last
-// state is the response.
+// Cancels a job. `ended=remove` removes the record of one that had ended before: its last state is
+// the response.
 Reply delete_job(Request& request, Api& api) {
-  const auto of_ended = query_word(request, "ended", {"keep"});
+  const auto of_ended = query_word(request, "ended", {"remove"});
   if (!of_ended) return problem(request, of_ended.error());
   const std::string& id = request.path_parameters[0];
   const auto before = api.jobs.get(request.caller, id);
   if (before && before->ended()) {
-    if (of_ended->empty()) return remove_job(request, api, *before);
+    if (!of_ended->empty()) return remove_job(request, api, *before);
     return status_response(request, api, 200, *before);
   }
   auto status = api.jobs.cancel(request.caller, id);
