@@ -55,7 +55,8 @@ async def _in_thread(work: Callable[[CancelToken], T], token: CancelToken | None
 
 class AsyncClient:
     """`voxelize`, `animate`, `render`, `save`, `info` and `upload` of `Client` as coroutines; `client()` gives the
-    `Client` itself, whose other methods a thread can call (`asyncio.to_thread`). Arguments are those of `Client`; errors are those of `Client`."""
+    `Client` itself, whose other methods a thread can call (`asyncio.to_thread`). Arguments are those of `Client`; errors
+    are those of `Client`."""
 
     def __init__(self, url: str | None = None, key: str | None = None, *, local: bool | None = None,
                  idle_timeout: float | None = 60.0, retries: int = 3) -> None:

@@ -24,7 +24,6 @@ BIN = pathlib.Path(os.environ.get("VOXELD_BIN_DIR", ROOT / "build/dev/bin"))
 # The daemon's file itself, where BIN has a script that starts it.
 PROGRAM_FILE = pathlib.Path(os.environ.get("VOXELD_PROGRAM_FILE", BIN / "voxeld"))
 DATA = os.environ.get("VOXELD_DATA_DIR")
-START_SECONDS = 60
 # Time that ends a test which hangs. No test fails because a machine is slow, up to this.
 HANG_SECONDS = 300
 # How a daemon may end: by itself, or by a signal of a test or of its own watch. Any other end is a crash.
@@ -151,17 +150,21 @@ class Daemon:
             [*self.program, "serve", "--listen", self.listen, "--admin-listen", "127.0.0.1:0",
              "--data", self.data_dir, "--device", self.device, *sandbox, *self.arguments],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self.log, text=True)
-        line = self.process.stdout.readline()
-        match = re.match(r"ready http://(?:[\d.]+|\[[\da-f:]+\]):(\d+) admin=http://127\.0\.0\.1:(\d+)", line)
-        if not match:
-            self.process.wait(HANG_SECONDS)
-            raise AssertionError(f"daemon did not start: {line!r}\n{self.log_tail()}")
-        self.port, self.admin_port = int(match.group(1)), int(match.group(2))
-        self.url = f"http://{self.host}:{self.port}"
-        self.wait_ready()
+        try:
+            line = self.process.stdout.readline()
+            match = re.match(r"ready http://(?:[\d.]+|\[[\da-f:]+\]):(\d+) admin=http://127\.0\.0\.1:(\d+)", line)
+            if not match:
+                self.process.wait(HANG_SECONDS)
+                raise AssertionError(f"daemon did not start: {line!r}\n{self.log_tail()}")
+            self.port, self.admin_port = int(match.group(1)), int(match.group(2))
+            self.url = f"http://{self.host}:{self.port}"
+            self.wait_ready()
+        except BaseException:
+            self.process.kill()  # nobody ends a daemon whose test did not begin
+            raise
 
     def wait_ready(self):
-        deadline = time.monotonic() + START_SECONDS
+        deadline = time.monotonic() + HANG_SECONDS
         while time.monotonic() < deadline:
             response = self.request("GET", "/readyz", port=self.admin_port)
             if response.status == 200:
@@ -225,7 +228,7 @@ class Daemon:
             assert time.monotonic() < deadline, status
 
     def cancel(self, job):
-        """Cancels a job and returns how it ended, also where that was before, which removes its record."""
+        """Cancels a job and returns how it ended, also where that was before."""
         response = self.request("DELETE", f"/v1/jobs/{job}")
         return self.wait(job) if response.status == 202 else response.json()
 

@@ -151,7 +151,7 @@ class Animation(DaemonTest):
     def test_frames_can_be_fetched_while_the_job_runs_and_stay_after_a_cancel(self):
         # Enough frames that the job does not end before it is cancelled.
         job = self.daemon.submit(kind="voxelize", asset=self.worm,
-                                 options={"animation": "walk", "size": 160, "fps": 1000, "pipeline": "cpu"})
+                                 options={"animation": "walk", "size": 400, "fps": 1000, "pipeline": "cpu"})
         deadline = time.monotonic() + 60
         while not (told := self.frames(job))["frames"]:
             self.assertLess(time.monotonic(), deadline, told)

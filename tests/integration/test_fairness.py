@@ -72,7 +72,7 @@ class Contended(unittest.TestCase):
     def test_one_shot_requests_take_a_priority_and_a_deadline(self):
         b = self.load.tenants["b"]
         body = (self.load.fixtures / "sample.ply").read_bytes()
-        late = b.post("/v1/voxelize?size=6144&cache=no&deadline_ms=400", body)
+        late = b.post("/v1/voxelize?size=16384&channels=occupancy,normal&cache=no&deadline_ms=400", body)
         self.assertEqual((late.status, late.json()["code"]), (504, "deadline-exceeded"))
         self.assertEqual(b.post("/v1/voxelize?size=20&priority=-7", body).status, 200)
         newest = b.get("/v1/jobs?limit=1").json()["jobs"][0]

@@ -342,7 +342,7 @@ class Transport(TransportTest):
                 except KeyError as missing:
                     raise BrokenPipeError("of the caller") from missing
         for method in ("upload", "animate", "voxelize_tiles"):
-            self.script(problem(404, "not-found"), json_response({}, 201), idle_timeout=1)
+            self.script(problem(404, "not-found"), json_response({}, 201), idle_timeout=None)
             with self.subTest(method):
                 with self.assertRaisesRegex(BrokenPipeError, "of the caller") as raised:
                     getattr(self.client, method)(bytes(2 << 20), progress=report)

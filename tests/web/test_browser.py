@@ -3,6 +3,7 @@ package-lock.json; VOXELD_WEB_WORK_DIR is the folder that uses them. No browser 
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -51,10 +52,15 @@ class Browser(unittest.TestCase):
             shutil.copyfile(path, WORK / path.name)
 
     def node(self, *arguments, seconds, **environment):
-        done = subprocess.run(["node", *arguments], cwd=WORK, timeout=seconds, env={**os.environ, **environment},
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.assertEqual(done.returncode, 0, done.stdout[-6000:])
-        return done.stdout
+        with subprocess.Popen(["node", *arguments], cwd=WORK, env={**os.environ, **environment}, text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True) as process:
+            try:
+                said, _ = process.communicate(timeout=seconds)
+            except BaseException:
+                os.killpg(process.pid, signal.SIGKILL)  # its browsers and daemons too
+                raise
+        self.assertEqual(process.returncode, 0, said[-6000:])
+        return said
 
     def test_the_scripts_have_strict_types(self):
         self.node("node_modules/typescript/bin/tsc", "--project", str(HERE), seconds=600)
@@ -65,7 +71,7 @@ class Browser(unittest.TestCase):
         # Caches of shaders and fonts are those of this run alone, and what is left goes with the folder. The name is
         # short because paths of sockets have a limit.
         with tempfile.TemporaryDirectory(prefix="web-") as folder:
-            print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=2300,
+            print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=7000,
                             VOXELD_BIN_DIR=str(BIN.resolve()), VOXELD_ROOT_DIR=str(ROOT), TMPDIR=folder, HOME=folder,
                             XDG_CACHE_HOME=f"{folder}/cache", XDG_CONFIG_HOME=f"{folder}/config"))
 

@@ -186,13 +186,13 @@ void Supervisor::stop(double grace_seconds) {
 std::optional<ExitReason> Supervisor::exit_reason(int64_t pid, std::chrono::milliseconds wait) {
   const auto deadline = std::chrono::steady_clock::now() + wait;
   MutexLock lock(mutex_);
-  while (true) {
+  for (bool is_late = false;;) {
     // The newest first: numbers are used again.
     const auto found = std::find_if(exits_.rbegin(), exits_.rend(),
                                     [pid](const ExitReason& exit) { return exit.pid == pid; });
     if (found != exits_.rend()) return *found;
-    if (!is_ours(pid)) return std::nullopt;
-    if (changed_.wait_until(lock, deadline) == std::cv_status::timeout) return std::nullopt;
+    if (is_late || !is_ours(pid)) return std::nullopt;
+    is_late = changed_.wait_until(lock, deadline) == std::cv_status::timeout;
   }
 }
 

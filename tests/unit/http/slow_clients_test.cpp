@@ -151,8 +151,8 @@ TEST(SlowReader, a_reader_below_the_minimum_rate_is_cut_though_it_never_stops) {
       [&](const ExchangeRecord& record) { sent.set_value(record.bytes_out); });
   ASSERT_TRUE(server) << server.error().message();
   HttpClient client((*server)->port());
-  ASSERT_TRUE(client.send_get("/large"));
   const auto start = Clock::now();
+  ASSERT_TRUE(client.send_get("/large"));
   // As much as its socket holds at a time, with a pause: never still for as long as a stall is.
   while (!client.receive_some().empty()) {
     ASSERT_LT(seconds_since(start), kPatienceSeconds);

@@ -113,7 +113,7 @@ export class Browser {
     const ended = new Promise((resolve) => this.process.once("exit", resolve));
     this.session = "";
     this.send("Browser.close").catch(() => undefined);
-    const timer = setTimeout(() => this.process.kill("SIGKILL"), 5000);
+    const timer = setTimeout(() => this.process.kill("SIGKILL"), 60_000);
     await ended;
     clearTimeout(timer);
     rmSync(this.profile, { recursive: true, force: true, maxRetries: 5 });
