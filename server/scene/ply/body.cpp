@@ -149,7 +149,8 @@ class PlyBodyReader {
     const PlyElement* vertices = header_.element("vertex");
     vertex_count_ = vertices == nullptr ? 0 : vertices->count;
     for (const PlyElement& element : header_.elements) {
-      if (element.properties.empty()) continue;
+      // Vertices are an error then: faces would name some that are not there.
+      if (element.properties.empty() && element.name != "vertex") continue;
       element_ = &element;
       if (element.name == "vertex") {
         VOXELD_TRY(read_vertices());

@@ -396,6 +396,9 @@ TEST(Ply, mistakes_of_the_header_are_reported) {
        "8 bytes for each, got 8 bytes left"},
       {"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n",
        "a.ply header: element vertex: expected properties x, y and z, got not all of them"},
+      {"ply\nformat ascii 1.0\nelement vertex 3\nelement face 1\n"
+       "property list uchar int vertex_indices\nend_header\n3 0 1 2\n",
+       "a.ply header: element vertex: expected properties x, y and z, got not all of them"},
       {std::string("ply\nformat ascii 1.0\nelement vertex 1\n") + kXyz +
            "element face 1\nproperty int n\nend_header\n0 0 0 1\n",
        "a.ply header: element face: expected a list property vertex_indices, got none"},
