@@ -476,7 +476,7 @@ std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string>
   return entries;
 }
 
-// Of stdin or of a pipe, which `owner` closes. A read that blocks would not notice a stop.
+// Reads stdin, or a pipe that `owner` closes. A read that blocks would not notice a stop.
 client::Source stream_source(int descriptor, std::shared_ptr<void> owner, const std::string& name,
                              const std::string& filename, const std::stop_token& stop) {
   return client::Source::stream(

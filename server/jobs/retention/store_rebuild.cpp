@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-// Of formats that jobs alone write: nobody uploads them.
+// Begins a format that only jobs write: nobody uploads it.
 constexpr std::string_view kSequenceHead = "VOXSEQ\0\0"sv;
 constexpr std::string_view kGridHead = "VOXGRID\0"sv;
 // A local file header of a zip; the name of the file stands behind its 30 bytes.
