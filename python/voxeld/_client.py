@@ -18,8 +18,8 @@ from ._image import Image, write
 from ._mesh import Asset, File, Mesh, files_of
 from ._server import find_server
 from ._transport import Response, Transport, parse_object
-from .options import (AnimateOptions, OutputOptions, RenderOptions, SequenceImageOptions, VoxelizeOptions,
-                      json_options)
+from .options import (AnimateOptions, OutputOptions, PlaceOptions, RenderOptions, SequenceImageOptions,
+                      VoxelizeOptions, json_options)
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -115,7 +115,10 @@ class Client:
         if all(named.get(name) is None for name in SEQUENCE_OPTIONS):
             named["animation"] = 0
         with Call(timeout, cancel, progress) as call:
-            return Animation(self, call, self._submit_mesh(call, "voxelize", mesh, named))
+            status = self._submit_mesh(call, "voxelize", mesh, named)
+            # The frames are stored without them.
+            selection = {name: named[name] for name in PlaceOptions.__optional_keys__ if named.get(name) is not None}
+            return Animation(self, call, status, selection)
 
     def render(self, mesh: Mesh, *, timeout: float | None = None, cancel: CancelToken | None = None,
                progress: bool | ProgressCallback | None = None, **options: Unpack[RenderOptions]) -> Image:
@@ -171,7 +174,7 @@ class Client:
     def _upload(self, call: Call, mesh: Mesh, filename: str) -> tuple[Asset, File | None]:
         """The asset, and its file if the server had it before."""
         if isinstance(mesh, Asset):
-            return mesh, None
+            return Asset(mesh.id, filename or mesh.filename), None
         files = files_of(mesh, filename)
         sent = [self._upload_file(call, file, True) for file in files]
         if len(files) == 1:
@@ -357,8 +360,16 @@ class Animation(_JobStream):
         job: id of the job.
     """
 
+    def __init__(self, client: Client, call: Call, status: Mapping[str, Any], selection: Mapping[str, Any]) -> None:
+        super().__init__(client, call, status)
+        self._selection = dict(selection)
+
     def __iter__(self) -> Generator[Frame, None, None]:
         """Raises the error of the job behind the last frame that was finished."""
+        if json_options(self._selection).get("crop") == "yes":
+            self.cancel()
+            raise error("invalid-option", "crop", expected="save() or render(), once the box of all frames is known",
+                        got="iteration over frames as they come")
         seen = -1
         with self._call, contextlib.closing(self._client._watch(self._call, self.job, True)) as statuses:
             try:
@@ -378,7 +389,7 @@ class Animation(_JobStream):
         while True:
             page = self._client._transport.json(self._call, "GET", f"/v1/jobs/{self.job}/frames{query}")
             for listed in page["frames"]:
-                yield Frame(self._client, listed, self.job)
+                yield Frame(self._client, listed, self.job, self._selection)
             if "next" not in page:
                 return
             query = "?after=" + _quoted(str(page["next"]))
@@ -423,7 +434,7 @@ class Animation(_JobStream):
             image: Any = {"image": IMAGES[target.suffix.lower()], **options}
             write(target, self.render(timeout=timeout, cancel=cancel, progress=progress, **image))
             return
-        body = save_options(target, SEQUENCE_FORMATS, options)
+        body = save_options(target, SEQUENCE_FORMATS, {**self._selection, **options})
         with Call(timeout, cancel, progress) as call:
             write(target, self._client._export(call, self._done(call), body))
 
@@ -432,7 +443,10 @@ class Animation(_JobStream):
         """An animated image of all frames: a GIF, which a notebook shows, or image="apng", "sheet" or "png" with
         frame=N. Waits for the end of the job."""
         with Call(timeout, cancel, progress) as call:
-            return self._client._image(call, self._done(call), {"image": "gif", **options})
+            # The image shows the frames' common box, with crop and without.
+            selection = {name: value for name, value in self._selection.items() if name != "crop"}
+            body = {"image": "gif", **selection, **options}
+            return self._client._image(call, self._done(call), body)
 
 
 class TileStream(_JobStream):

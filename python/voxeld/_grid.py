@@ -333,8 +333,9 @@ class Frame(Grid):
         time: seconds into the animation.
     """
 
-    def __init__(self, client: Client, listed: Mapping[str, Any], job: str) -> None:
-        super().__init__(client, str(listed["grid"]), job=job, voxel_count=int(listed["voxel_count"]))
+    def __init__(self, client: Client, listed: Mapping[str, Any], job: str, selection: Mapping[str, Any]) -> None:
+        count = None if selection else int(listed["voxel_count"])  # of the whole frame
+        super().__init__(client, str(listed["grid"]), job=job, voxel_count=count, selection=selection)
         self.index = int(listed["index"])
         self.time = float(listed["time_s"])
 

@@ -466,6 +466,18 @@ class Animations(PythonTest):
         self.problem(voxeld.BadInput, "invalid-option", "animate()", of=lambda: self.client.voxelize(
             self.fixtures / "spin.glb", animation=0, time=None))
 
+    def test_what_changes_voxels_is_in_frames_and_in_files(self):
+        animation = self.client.animate(self.fixtures / "spin.glb", fps=4, size=16, mirror="x", level=1)
+        frames = list(animation)
+        own = self.npz(f"/v1/grids/{frames[1].id}?format=npz&layout=sparse&mirror=x&level=1")
+        np.testing.assert_array_equal(frames[1].coords, own["coords"])
+        animation.save(self.dir / "half.npy")
+        self.assertEqual(np.load(self.dir / "half.npy").shape[1:], frames[1].dims[::-1])
+        cropped = self.client.animate(self.fixtures / "spin.glb", fps=4, size=16, padding=4, crop=True)
+        cropped.save(self.dir / "box.npy")
+        self.assertLess(max(np.load(self.dir / "box.npy").shape[1:]), 16)
+        self.problem(voxeld.BadInput, "invalid-option", "crop", of=lambda: list(cropped))
+
     def test_an_animation_is_saved_and_rendered_as_a_whole(self):
         animation = self.client.animate(self.fixtures / "spin.glb", fps=4, size=16)
         for extension, magic in {".voxs": b"VOXSEQ\0", ".vox": b"VOX ", ".npz": b"PK\3\4", ".zip": b"PK\3\4",
