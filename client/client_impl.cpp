@@ -409,7 +409,12 @@ void ClientImpl::fetch(std::string_view path, std::string_view what, const Sink&
   long long done = 0, total = 0;
   std::string etag;
   std::optional<ContentCheck> check;
+  long long resumed_at = 0;
   for (int attempt = 0;; ++attempt) {
+    if (done > resumed_at) {  // the tries are for each byte at which it breaks
+      resumed_at = done;
+      attempt = 0;
+    }
     HttpRequest request;
     request.url = url(path);
     if (done > 0) {

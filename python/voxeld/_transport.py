@@ -120,12 +120,14 @@ class Transport:
         """GET of a body that may be large: a broken connection is resumed where it broke, and the bytes are compared
         with the hash in the ETag."""
         sink = _Sink()
-        attempt = 0
+        attempt = resumed_at = 0
         head: Response | None = None
         while True:
             call.check()
             headers: dict[str, str] = {}
             received = sink.received
+            if received > resumed_at:  # the tries are for each byte at which it breaks
+                resumed_at, attempt = received, 0
             if head is not None and received > 0:
                 headers = {"Range": f"bytes={received}-", "If-Range": head.headers.get("etag", "")}
             try:
@@ -311,7 +313,9 @@ class Transport:
         try:
             url = urllib.parse.urlsplit(address)
             kind, host = kinds[url.scheme if url.hostname else ""], (url.hostname or "").encode("idna").decode()
-            connection = kind(host, url.port, timeout=min(CONNECT_SECONDS, left or CONNECT_SECONDS))
+            # Without a port, the last group of an IPv6 address would be taken for one.
+            port = kind.default_port if url.port is None else url.port
+            connection = kind(host, port, timeout=min(CONNECT_SECONDS, left or CONNECT_SECONDS))
         except (KeyError, ValueError, http.client.InvalidURL):
             raise error("invalid-option", "url", expected="http://HOST[:PORT] or https://HOST[:PORT]",
                         got=self.server.name) from None

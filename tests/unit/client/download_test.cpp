@@ -171,14 +171,25 @@ TEST(Download, a_frame_is_checked_too) {
   EXPECT_EQ(error_of([&] { client.frame("j-1", 7); }).code(), "content-mismatch");
 }
 
-TEST(Download, gives_up_after_the_tries) {
+TEST(Download, gives_up_where_all_tries_break_at_one_byte) {
   const std::string text = long_text(1000);
-  ScriptedServer server({whole(text, 10), part(text, 10, 10), part(text, 20, 10)});
+  const CannedResponse nothing = part(text, 20, 0);
+  ScriptedServer server({whole(text, 10), part(text, 10, 10), nothing, nothing, nothing});
   Client client(settings_for(server.url(), 2));
   Received received;
   EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "unreachable");
-  EXPECT_EQ(received.text, text.substr(0, 30));
-  EXPECT_THAT(server.asked(), SizeIs(3));
+  EXPECT_EQ(received.text, text.substr(0, 20));
+  EXPECT_THAT(server.asked(), SizeIs(5));
+}
+
+TEST(Download, breaks_may_be_more_than_the_tries_while_bytes_come) {
+  const std::string text = long_text(100);
+  ScriptedServer server(
+      {whole(text, 10), part(text, 10, 10), part(text, 20, 10), part(text, 30, 70)});
+  Client client(settings_for(server.url(), 1));
+  Received received;
+  client.download("j-1", received.sink());
+  EXPECT_EQ(received.text, text);
 }
 
 TEST(Download, a_problem_is_thrown_and_not_given_to_the_sink) {
