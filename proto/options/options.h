@@ -176,6 +176,23 @@ struct OutputOptions {
   }
 };
 
+// Whether colours become those of a palette. A .vox has the palette itself.
+inline bool recolors(const OutputOptions& options) {
+  return !options.palette.empty() && options.format != Format::kVox;
+}
+
+// Whether voxels are added or removed, so that a crop is known only afterwards.
+inline bool changes_voxels(const OutputOptions& options) {
+  return options.keep > 0 || options.dilate > 0 || options.erode > 0 || options.hollow > 0;
+}
+
+// Whether a request's grid is another than the whole grid at level 0.
+inline bool selects(const OutputOptions& options) {
+  return options.level > 0 || options.alpha == AlphaRule::kCut || options.region || options.crop ||
+         options.mirror != std::array<bool, 3>{} || changes_voxels(options) ||
+         !options.remap.empty() || recolors(options);
+}
+
 struct RenderOptions {
   int width = 512;  // pixels, 1..4096
   int height = 512;

@@ -186,20 +186,6 @@ Result<SparseTile> RegionTiles::tile(size_t index) const {
   return canvas.finish(coord, grid_.channels);
 }
 
-bool recolors(const OutputOptions& options) {
-  return !options.palette.empty() && options.format != Format::kVox;
-}
-
-bool changes_voxels(const OutputOptions& options) {
-  return options.keep > 0 || options.dilate > 0 || options.erode > 0 || options.hollow > 0;
-}
-
-bool selects(const OutputOptions& options) {
-  return options.level > 0 || options.alpha == AlphaRule::kCut || options.region || options.crop ||
-         options.mirror != MirrorAxes{} || changes_voxels(options) || !options.remap.empty() ||
-         recolors(options);
-}
-
 Result<CellBox> occupied_selection(const TileSource& source, const OutputOptions& options) {
   OutputOptions whole = options;
   whole.mirror = {};

@@ -59,13 +59,6 @@ class Selection {
   CellBox box_;
 };
 
-// Whether a request's grid is another than the whole grid at level 0.
-bool selects(const OutputOptions& options);
-// Whether voxels are added or removed, so that a crop is known only afterwards.
-bool changes_voxels(const OutputOptions& options);
-// Whether Selection maps colours to those of a palette.
-bool recolors(const OutputOptions& options);
-
 // The occupied cells among those that level and region select, as keep, dilate, erode and hollow
 // leave them, in cells of the level. Empty if there are none. Errors: as Selection::open(), and the
 // source's.

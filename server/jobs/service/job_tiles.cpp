@@ -23,8 +23,7 @@ std::string made_instead(const JobStatus& status) {
   const bool makes_frames = status.frames_total > 0 || !object.is_object() ||
                             (options && options->animation.is_sequence());
   if (makes_frames) return "an animation: its frames are at /frames";
-  const bool is_part = options && (options->output.level > 0 || options->output.region);
-  if (is_part) return "a level or region of a grid";
+  if (options && selects(options->output)) return "a level or region of a grid, or changed voxels";
   return "";
 }
 

@@ -183,7 +183,7 @@ TEST_F(JobTilesApi, jobs_that_make_no_single_grid_are_in_conflict_with_it) {
   EXPECT_EQ(refused(R"("kind":"voxelize","options":{"animation":0},)" + of_asset),
             "an animation: its frames are at /frames");
   EXPECT_EQ(refused(R"("kind":"voxelize","options":{"level":1},)" + of_asset),
-            "a level or region of a grid");
+            "a level or region of a grid, or changed voxels");
   job_ =
       "/v1/jobs/" +
       json(request("POST", "/v1/jobs", "",
