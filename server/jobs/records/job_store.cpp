@@ -447,7 +447,7 @@ Result<JobStore::Expired> JobStore::expire() {
     expired.next_in_ms = due.deadline_ms == 0 ? 0 : due.deadline_ms - now_ms;
     if (due.deadline_ms == 0 || due.deadline_ms > now_ms) return expired;
   }
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     while (true) {
       VOXELD_ASSIGN(const Due due, next_due(connection));
       expired.next_in_ms = due.deadline_ms == 0 ? 0 : due.deadline_ms - now_ms;

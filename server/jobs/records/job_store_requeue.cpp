@@ -83,7 +83,8 @@ Result<std::optional<JobRecord>> JobStore::preempt(const TaskPreemption& preempt
 
 Result<int64_t> JobStore::recover(int64_t stopped_ms) {
   int64_t touched = 0;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  // A daemon that could not start on a full disk could not make room there either.
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE created_ms <= $1",
                               unix_time_ms() - kIdempotencyKeptMs));
     VOXELD_TRY(

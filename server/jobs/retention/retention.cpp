@@ -105,16 +105,21 @@ void Retention::touch(const std::string& blob) {
 }
 
 Status Retention::flush() {
-  std::vector<std::pair<std::string, int64_t>> used;
+  std::unordered_map<std::string, int64_t> used;
   {
     const MutexLock lock(mutex_);
-    for (auto it = used_ms_.begin(); it != used_ms_.end() && used.size() < size_t{4} * kBatch;) {
-      used.emplace_back(*it);
-      it = used_ms_.erase(it);
-    }
+    used.swap(used_ms_);
   }
-  for (const auto& [id, at_ms] : used) {
-    for (const std::string_view uses : kUses) VOXELD_TRY(note_use(id, uses, at_ms));
+  while (!used.empty()) {
+    const auto& [id, at_ms] = *used.begin();
+    for (const std::string_view uses : kUses) {
+      if (Status noted = note_use(id, uses, at_ms); !noted) {
+        const MutexLock lock(mutex_);
+        used_ms_.merge(used);
+        return noted;
+      }
+    }
+    used.erase(used.begin());
   }
   return {};
 }
@@ -374,12 +379,17 @@ Result<int64_t> Retention::restore_quarantined() {
   if (quarantined.empty()) return int64_t{0};
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
   int64_t restored = 0;
+  Status last;
   for (const QuarantinedBlob& blob : quarantined) {
     VOXELD_ASSIGN(const bool needed, is_needed(*reader, blob.id));
     if (!needed) continue;
-    VOXELD_TRY(blobs_.restore(blob));
-    ++restored;
+    if (Status moved = blobs_.restore(blob); moved) {
+      ++restored;
+    } else {
+      last = std::move(moved);
+    }
   }
+  VOXELD_TRY(last);
   return restored;
 }
 
