@@ -13,11 +13,7 @@ void add_part(Sha256& hash, std::string_view part) {
   hash.update(part);
 }
 
-}  // namespace
-
-std::string request_hash(const JobRequest& request) {
-  Sha256 hash;
-  add_part(hash, std::to_string(kAlgorithmVersion));
+void add_request(Sha256& hash, const JobRequest& request) {
   add_part(hash, job_kind_name(request.kind));
   add_part(hash, request.asset);
   add_part(hash, request.grid);
@@ -25,15 +21,22 @@ std::string request_hash(const JobRequest& request) {
   add_part(hash, canonical_json(request.options, option_scope(request)));
   // Only where there is one, so that the names of all other results are what they were before.
   if (!request.sequence.empty()) add_part(hash, request.sequence);
+}
+
+}  // namespace
+
+std::string request_hash(const JobRequest& request) {
+  Sha256 hash;
+  add_part(hash, std::to_string(kAlgorithmVersion));
+  add_request(hash, request);
   return hash.finish_id();
 }
 
 std::string idempotency_hash(const JobRequest& request) {
   Sha256 hash;
-  add_part(hash, request_hash(request));
+  add_request(hash, request);
   add_part(hash, request.filename);
   add_part(hash, request.options.use_cache ? "cache" : "no-cache");
-  // Only where they are given: keys that were used before there were any still count.
   if (request.priority) add_part(hash, "priority " + std::to_string(*request.priority));
   if (request.deadline_ms) add_part(hash, "deadline " + std::to_string(*request.deadline_ms));
   return hash.finish_id();

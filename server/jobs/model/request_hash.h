@@ -12,7 +12,8 @@ namespace voxeld {
 // Results are cached by it.
 std::string request_hash(const JobRequest& request);
 
-// A hash of everything that a client sent; an idempotency key must come back with the same one.
+// A hash of everything that a client sent, without kAlgorithmVersion: an idempotency key must come
+// back with the same one, also after an upgrade.
 std::string idempotency_hash(const JobRequest& request);
 
 }  // namespace voxeld
