@@ -248,6 +248,20 @@ class Tenants(unittest.TestCase):
         self.assertEqual(anyone.post(made["url"].replace("/result", "/share")).status, 401)
         self.assertEqual(self.studio.post(f"/v1/jobs/{job}/share").status, 404)
 
+    def test_links_that_could_not_work_are_refused(self):
+        job, grid = self.things["job"], self.things["grid"]
+        for path in (f"/v1/jobs/{job}/share?format=hologram", f"/v1/jobs/{job}/share?format=vox&level=99",
+                     f"/v1/grids/{grid}/share?level=99", f"/v1/grids/{grid}/share?view=render&width=0",
+                     f"/v1/grids/{grid}/share?view=render.png&format=vox"):
+            response = self.lab.post(path)
+            self.assertEqual(response.status, 400, path)
+            self.assertIn(response.json()["code"], ("invalid-option", "unknown-option"), path)
+        asset = self.lab.post("/v1/assets?filename=damaged.ply", b"ply\nformat").json()["id"]
+        failed = self.lab.submit(kind="voxelize", asset=asset, options={"size": 11})
+        self.assertEqual(self.lab.wait(failed)["state"], "failed")
+        why, refused = self.lab.get(f"/v1/jobs/{failed}/result"), self.lab.post(f"/v1/jobs/{failed}/share")
+        self.assertEqual((refused.status, refused.json()["code"]), (why.status, why.json()["code"]))
+
     def test_links_end_in_time_with_their_key_and_with_their_secret(self):
         key = add_key(self.data_dir, "shop")
         shop = self.daemon.holding(key)

@@ -36,6 +36,8 @@ Reply get_queue(Request& request, Api& api);
 Reply get_events(Request& request, Api& api);
 // --- results.cpp
 Reply get_result(Request& request, Api& api);
+// Whether get_result() takes the options of this query. Errors: invalid-option.
+Status check_result_query(const JobStatus& status, OptionPairs query);
 // --- stored_results.cpp
 Reply list_results(Request& request, Api& api);
 Reply list_grids(Request& request, Api& api);

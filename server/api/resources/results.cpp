@@ -50,7 +50,31 @@ Reply export_as(Request& request, Api& api, JobRequest job, Format format,
   });
 }
 
+Error image_has_no_options(const JobResult& result) {
+  return {ErrorCode::kInvalidOption, "format",
+          "a format with other options, as the result is " + result.media_type, "none"};
+}
+
 }  // namespace
+
+Status check_result_query(const JobStatus& status, OptionPairs query) {
+  const auto has_other_than = [&](std::string_view name) {
+    return std::ranges::any_of(query, [&](const auto& pair) { return pair.first != name; });
+  };
+  if (!has_other_than("filename")) return {};
+  const bool names_format =
+      std::ranges::any_of(query, [](const auto& pair) { return pair.first == "format"; });
+  if (!names_format) {
+    if (!status.result) return {};  // its format is not known yet, and the options depend on it
+    const bool is_sequence = !export_of(status).sequence.empty();
+    const auto own =
+        format_of(status.result->media_type, is_sequence ? sequence_media_type : format_media_type);
+    if (!own) return image_has_no_options(*status.result);
+    query.emplace_back("format", format_name(*own));
+  }
+  const auto options = parse_options(query, OptionScope::kExport);
+  return options ? Status() : options.error();
+}
 
 Reply get_result(Request& request, Api& api) {
   const auto found = api.jobs.get_with_result(request.caller, request.path_parameters[0]);
@@ -79,9 +103,7 @@ Reply get_result(Request& request, Api& api) {
     return problem(request, {ErrorCode::kNotAcceptable, "this job's result has one form alone",
                              result.media_type, std::string(media_type(*format))});
   }
-  return problem(request,
-                 {ErrorCode::kInvalidOption, "format",
-                  "a format with other options, as the result is " + result.media_type, "none"});
+  return problem(request, image_has_no_options(result));
 }
 
 }  // namespace voxeld::api

@@ -5,6 +5,7 @@
 
 #include "proto/text/client_texts.h"
 #include "proto/text/number_text.h"
+#include "server/api/resources/jobs/job_responses.h"
 #include "server/api/resources/resources.h"
 #include "server/base/clock.h"
 #include "server/http/message/head_parser.h"
@@ -59,12 +60,19 @@ Response link_response(const Request& request, const Api& api, const std::string
 
 Reply share_job(Request& request, Api& api) {
   const std::string& id = request.path_parameters[0];
-  const auto status = api.jobs.get(request.caller, id);
-  if (!status) return problem(request, status.error());
+  const auto found = api.jobs.get_with_result(request.caller, id);
+  if (!found) return problem(request, found.error());
+  const JobStatus& status = found->status;
+  if (status.ended() && (status.state != JobState::kDone || !found->file)) {
+    return job_result_response(request, api, *found);  // why there is none
+  }
   const auto wanted = parse_wanted(request);
   if (!wanted) return problem(request, wanted.error());
   if (!wanted->view.empty() && wanted->view != "result") {
     return problem(request, {ErrorCode::kInvalidOption, "view", "result", echoed(wanted->view)});
+  }
+  if (const Status taken = check_result_query(status, wanted->query); !taken) {
+    return problem(request, taken.error());
   }
   return link_response(request, api, "/v1/jobs/" + id + "/result", *wanted);
 }
@@ -75,13 +83,16 @@ Reply share_grid(Request& request, Api& api) {
   if (!grid) return problem(request, grid.error());
   const auto wanted = parse_wanted(request);
   if (!wanted) return problem(request, wanted.error());
-  if (wanted->view.empty() || wanted->view == kGridViews.front()) {
-    return link_response(request, api, "/v1/grids/" + id, *wanted);
-  }
-  if (std::ranges::count(kGridViews, wanted->view) == 0) {
+  const bool is_grid = wanted->view.empty() || wanted->view == kGridViews.front();
+  if (!is_grid && std::ranges::count(kGridViews, wanted->view) == 0) {
     return problem(request, {ErrorCode::kInvalidOption, "view", "grid, render.png or render",
                              echoed(wanted->view)});
   }
+  const auto scope = is_grid ? OptionScope::kExport : OptionScope::kRenderGrid;
+  if (const auto options = parse_options(wanted->query, scope); !options) {
+    return problem(request, options.error());
+  }
+  if (is_grid) return link_response(request, api, "/v1/grids/" + id, *wanted);
   return link_response(request, api, "/v1/grids/" + id + "/" + wanted->view, *wanted);
 }
 

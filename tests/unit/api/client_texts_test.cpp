@@ -185,9 +185,10 @@ TEST_F(ClientTexts, long_names_in_a_request_are_not_echoed_whole) {
 }
 
 TEST_F(ClientTexts, a_link_that_no_request_can_hold_is_not_made) {
-  const std::string path = finished_job("0123456789");
-  // A blank is one byte of the request and three of the link.
-  const HttpResponse response = request("POST", path + "/share?format=" + std::string(4000, '+'));
+  const std::string path = "/v1/jobs/" + json(post_json(job())).value("id", "");
+  // A blank is one byte of the request and three of the link. The job has not ended: only its
+  // format would tell whether the options fit.
+  const HttpResponse response = request("POST", path + "/share?palette=" + std::string(4000, '+'));
   expect_refused(response, 400, "invalid-option", "at most 8192 bytes", "a link");
   EXPECT_EQ(request("POST", path + "/share?format=npy").status, 201);
 }

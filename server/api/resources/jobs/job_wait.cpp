@@ -79,7 +79,10 @@ Reply run_transient(Request& request, Api& api, const JobRequest& job, WaitPlace
     if (!status.ended()) return problem(asking, late_error(status));
     JobStatus ended = status;
     ended.cached = cached;
-    return then(asking, ended);
+    Response response = then(asking, ended);
+    // Another version of the daemon may make other bytes of the same request.
+    if (response.status < 400) response.headers["Cache-Control"] = "private, max-age=3600";
+    return response;
   };
   return wait_for_job(request, api, std::move(plan));
 }
