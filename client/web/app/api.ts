@@ -37,6 +37,8 @@ const BUSY_TRIES_MAX = 6;
 const LOST_UPLOADS_MAX = 3; // of one file while the daemon answers; then an error
 
 const CLOCK_MS_MAX = 2000; // that clocks may differ without notice; the Date header has seconds
+// Of a stream of events: the daemon writes every 15 s.
+const SILENCE_MS = 45_000;
 
 interface Tries {
   lost: number;
@@ -271,7 +273,9 @@ async function* readEvents(response: Response): AsyncGenerator<{ id: string; dat
   const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
   try {
     for (let rest = ""; ;) {
-      const { value, done } = await reader.read();
+      // A connection that is lost may never end by itself.
+      const silence = setTimeout(() => void reader.cancel().catch(() => undefined), SILENCE_MS);
+      const { value, done } = await reader.read().finally(() => clearTimeout(silence));
       if (done) return;
       const blocks = (rest + value).split("\n\n");
       rest = blocks.pop() ?? "";

@@ -137,6 +137,9 @@ export class Settings {
 
   #set(name: string, value: string | number, isFinal = true): void {
     this.#values[name] = value;
+    // Until it is chosen, it is the daemon's: of a band more than of a shell.
+    const thickness = this.#thickness.querySelector("input") as HTMLInputElement;
+    thickness.value = String(this.#values["thickness"] || (this.#values["fill"] === "band" ? 3 : 1));
     this.#thickness.hidden = this.#values["fill"] !== "shell" && this.#values["fill"] !== "band";
     this.#showNote();
     this.onChange(isFinal);
