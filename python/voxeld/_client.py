@@ -445,7 +445,7 @@ class Animation(_JobStream):
         with Call(timeout, cancel, progress) as call:
             # The image shows the frames' common box, with crop and without.
             selection = {name: value for name, value in self._selection.items() if name != "crop"}
-            body = {"image": "gif", **selection, **options}
+            body: dict[str, Any] = {"image": "gif", **selection, **options}
             return self._client._image(call, self._done(call), body)
 
 

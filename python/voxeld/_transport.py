@@ -314,7 +314,7 @@ class Transport:
             url = urllib.parse.urlsplit(address)
             kind, host = kinds[url.scheme if url.hostname else ""], (url.hostname or "").encode("idna").decode()
             # Without a port, the last group of an IPv6 address would be taken for one.
-            port = kind.default_port if url.port is None else url.port
+            port = (443 if url.scheme == "https" else 80) if url.port is None else url.port
             connection = kind(host, port, timeout=min(CONNECT_SECONDS, left or CONNECT_SECONDS))
         except (KeyError, ValueError, http.client.InvalidURL):
             raise error("invalid-option", "url", expected="http://HOST[:PORT] or https://HOST[:PORT]",
