@@ -1,6 +1,7 @@
 #include "proto/options/codecs.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 
 #include "proto/channels.h"
@@ -68,6 +69,13 @@ Result<std::array<double, 6>> read_bounds(std::string_view name, std::string_vie
     }
   }
   return box;
+}
+
+// A column-major matrix would lose its translation without a word.
+Result<std::array<double, 16>> read_transform(std::string_view name, std::string_view text) {
+  VOXELD_ASSIGN(const auto rows, option_values::numbers<16>(name, text));
+  if (std::ranges::equal(std::span(rows).last<4>(), std::array{0.0, 0.0, 0.0, 1.0})) return rows;
+  return invalid(name, "16 numbers, row-major: the last four are 0,0,0,1", text);
 }
 
 // "a list of occupancy, color, … and coverage"
@@ -371,6 +379,10 @@ OptionCodec voxel_size() {
 
 OptionCodec bounds() {
   return numbers(&PlacementOptions::bounds, read_bounds);
+}
+
+OptionCodec transform() {
+  return numbers(&PlacementOptions::transform, read_transform);
 }
 
 OptionCodec units() {

@@ -112,6 +112,7 @@ std::string channel_names();
 OptionCodec dims();
 OptionCodec voxel_size();  // one number stands for three equal ones
 OptionCodec bounds();
+OptionCodec transform();
 OptionCodec units();
 OptionCodec channels();     // names of channels; occupancy is always there
 OptionCodec one_channel();  // the name of a channel; occupancy stands for none

@@ -96,8 +96,9 @@ bool is_cropped(const RequestOptions& options) {
 bool is_coarse(const RequestOptions& options) {
   return options.output.level > 0;
 }
+// An image may be of a level that its grid's size asks for, so a rule that is given is kept.
 bool has_levels(const RequestOptions& options) {
-  return is_coarse(options) || is_zarr(options);
+  return is_coarse(options) || is_zarr(options) || options.output.level_rule != LevelRule::kAny;
 }
 
 // "Groups: `concrete`, …".
@@ -154,8 +155,8 @@ std::vector<Option> placement_options() {
        .help = "unit of the mesh's coordinates, a label of the result"},
       {.name = "transform",
        .form = "16 numbers",
-       .codec = numbers(&P::transform),
-       .help = "row-major 4x4 matrix that is applied to the mesh first"},
+       .codec = transform(),
+       .help = "row-major 4x4 matrix that is applied to the mesh first; its last row is 0,0,0,1"},
   };
 }
 

@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 11;
+inline constexpr int kAlgorithmVersion = 12;
 }  // namespace voxeld

@@ -30,32 +30,40 @@ uint32_t srgb_byte(uint32_t linear) {
   return *above - linear < linear - kLinear[byte - 1] ? byte : byte - 1;
 }
 
+bool is_visible(uint32_t color) {
+  return color >> 24 != 0;
+}
+
 }  // namespace
 
 uint32_t mean_color(std::span<const uint32_t> colors) {
   if (colors.empty()) return 0;
+  const bool some_visible = std::ranges::any_of(colors, is_visible);
   std::array<uint64_t, 3> sums{};
+  uint64_t count = 0;
   for (const uint32_t color : colors) {
+    if (some_visible && !is_visible(color)) continue;
     for (size_t i = 0; i < 3; ++i) sums[i] += kLinear[color >> (8 * i) & 255];
+    ++count;
   }
-  uint32_t mean = 0xff000000u;
+  uint32_t mean = some_visible ? 0xff000000u : 0;
   for (size_t i = 0; i < 3; ++i) {
-    mean |= srgb_byte(static_cast<uint32_t>((sums[i] + colors.size() / 2) / colors.size()))
-            << (8 * i);
+    mean |= srgb_byte(static_cast<uint32_t>((sums[i] + count / 2) / count)) << (8 * i);
   }
   return mean;
 }
 
 double median_luminance(std::span<const uint32_t> colors) {
-  if (colors.empty()) return 1.0;
   constexpr size_t kSamplesMax = 100'000;
   const size_t step = colors.size() / kSamplesMax + 1;
   std::vector<double> luminances;
   luminances.reserve(colors.size() / step + 1);
   for (size_t i = 0; i < colors.size(); i += step) {
+    if (!is_visible(colors[i])) continue;
     const auto linear = [&](int shift) { return kLinear[colors[i] >> shift & 255] / 65535.0; };
     luminances.push_back(0.2126 * linear(0) + 0.7152 * linear(8) + 0.0722 * linear(16));
   }
+  if (luminances.empty()) return 1.0;
   const auto middle = luminances.begin() + static_cast<std::ptrdiff_t>(luminances.size() / 2);
   std::nth_element(luminances.begin(), middle, luminances.end());
   return *middle;

@@ -97,8 +97,7 @@ class Packer {
       add_tile(tile);
       if (packed_.nodes.size() >= kEntriesMax) return too_large("tables", packed_.nodes.size());
     }
-    if (has_full_ && grid_.channels.color && !packed_.colors.empty())
-      packed_.full_color = mean_color(grid_);
+    if (has_full_ && grid_.channels.color && !packed_.colors.empty()) packed_.full_color = inner();
     mark_empty_cubes(std::span(packed_.nodes).first(tile_entries()), packed_.tile_dims,
                      RAYMARCH_TILE_SHIFT);
     if (packed_.occupied_min.x >= packed_.occupied_max.x) {
@@ -119,6 +118,12 @@ class Packer {
 
   static uint32_t packed_color(const std::array<uint8_t, 3>& rgb) {
     return rgb[0] | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
+  }
+
+  // The colour of voxels that have none.
+  std::array<uint8_t, 3> inner() {
+    if (!packed_.full_color) packed_.full_color = mean_color(grid_);
+    return *packed_.full_color;
   }
 
   size_t tile_entries() const {
@@ -229,6 +234,7 @@ class Packer {
     if (grid_.channels.color) {
       VOXELD_CHECK(first + tile.color.size() / 4 <= packed_.colors.size(), "a colour per voxel");
       std::ranges::copy(tile.color, reinterpret_cast<uint8_t*>(packed_.colors.data() + first));
+      color_inner(std::span(packed_.colors).subspan(first, tile.color.size() / 4));
     }
     if (ids_) {
       const std::vector<uint16_t>& ids = id_samples(tile, *ids_);
@@ -245,6 +251,13 @@ class Packer {
       packed_.normals[first + i / 3] =
           pack_normal(tile.normal[i], tile.normal[i + 1], tile.normal[i + 2]);
     }
+  }
+
+  // Gives voxels inside of solids, which have no colour, that of full nodes, with alpha 0: means
+  // leave it out.
+  void color_inner(std::span<uint32_t> colors) {
+    if (std::ranges::find(colors, 0u) == colors.end()) return;
+    std::ranges::replace(colors, 0u, packed_color(inner()) & 0x00ffffffu);
   }
 
   void add_brick(uint32_t brick_morton, const BrickMask& mask) {

@@ -22,7 +22,7 @@ struct PackedGrid {
   std::vector<uint32_t> normals;  // empty without normals
   // Cells [occupied_min, occupied_max) contain all voxels; the whole grid if there are none.
   glm::ivec3 occupied_min{0}, occupied_max{0};
-  // Colour for voxels of full nodes, which have none: the mean of the voxels that have one. Set
+  // Colour for voxels inside of solids, which have none: the mean of the voxels that have one. Set
   // only if the grid has both kinds.
   std::optional<std::array<uint8_t, 3>> full_color;
   // The median luminance of the voxels' colours in linear light; 1 without colours.

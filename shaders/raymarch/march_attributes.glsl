@@ -39,7 +39,8 @@ uint march_run_voxel(VoxelRun run, int i, int taken) {
 }
 
 // The colour in linear light. of_full: the colour of voxels in full nodes, and so of a block that
-// has no others, whose mean is 0.
+// has no others, whose mean is 0. Colours with alpha 0 are of voxels inside of solids and count
+// only where there are no others.
 vec3 march_color(March found, vec3 of_full) {
   if (found.part == MARCH_NO_PART) return of_full;
   if (found.level >= 5) {
@@ -50,11 +51,16 @@ vec3 march_color(March found, vec3 of_full) {
   if (found.level == 3) return rgb_of_word(brick_word(brick + uint(RAYMARCH_BRICK_COLOR)));
   VoxelRun run = march_voxels(found);
   int taken = min(run.count, MARCH_MEAN_VOXELS);
-  vec3 sum = vec3(0.0f);
+  vec3 sum = vec3(0.0f), last = vec3(0.0f);
+  float visible = 0.0f;
   for (int i = 0; i < taken; ++i) {
-    sum += rgb_of_word(color_word(march_run_voxel(run, i, taken)));
+    uint word = color_word(march_run_voxel(run, i, taken));
+    last = rgb_of_word(word);
+    if ((word >> 24) == 0u) continue;
+    sum += last;
+    visible += 1.0f;
   }
-  return sum / float(taken);
+  return visible == 0.0f ? last : sum / visible;
 }
 
 vec3 normal_of_word(uint word) {

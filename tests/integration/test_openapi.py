@@ -31,6 +31,7 @@ LISTS = {
     "bounds": [[0, 0, 0, 1, 1, 1], [-1.5, 0, 0.25, 1e9, 1, 0.5]], "region": [[0, 0, 0, 1, 2, 16384]],
     "palette": [16, "cga16", "#1a1c2c,#f4f4f4"],
     "times": [[0], [0.5, 1, 86400]], "section": [[1, 0, 0, -0.5]],
+    "transform": [[1, 0, 0, 0.5, 0, 0, -1, 1e9, 0, 1, 0, -3, 0, 0, 0, 1]],
 }
 # Options of names, of which the schema has the form alone.
 OPEN = {"blocks", "palette"}

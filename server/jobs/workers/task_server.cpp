@@ -156,10 +156,10 @@ WorkerWatch::Calls TaskServer::watch_calls() {
           },
           [this](const WatchedWorker& worker, int64_t bytes) { measured(worker, bytes); },
           [this](const WatchedWorker& worker, const Error& error) {
-            end_worker(worker, error.message(), error);
+            end_worker(worker, error.message(), error, /*counts=*/true);
           },
-          [this](const WatchedWorker& worker, const std::string& reason) {
-            end_worker(worker, reason, std::nullopt);
+          [this](const WatchedWorker& worker, const std::string& reason, bool is_alone) {
+            end_worker(worker, reason, std::nullopt, is_alone);
           },
           [this](const WatchedWorker& worker) { take_slice(worker); }};
 }
@@ -167,7 +167,8 @@ WorkerWatch::Calls TaskServer::watch_calls() {
 ScratchWatch::Calls TaskServer::scratch_calls() {
   return {[this] { return watched_scratch(); },
           [this](const WatchedScratch& worker, const Error& error) {
-            end_worker({.pid = worker.pid, .task = worker.task}, error.message(), error);
+            end_worker({.pid = worker.pid, .task = worker.task}, error.message(), error,
+                       /*counts=*/true);
           }};
 }
 
@@ -231,11 +232,11 @@ void TaskServer::take_slice(const WatchedWorker& worker) {
 }
 
 void TaskServer::end_worker(const WatchedWorker& worker, const std::string& reason,
-                            const std::optional<Error>& verdict) {
+                            const std::optional<Error>& verdict, bool counts) {
   log::warn("worker is ended", {{"job", worker.task}, {"pid", worker.pid}, {"reason", reason}});
   MutexLock lock(mutex_);
   for (const Connection& connection : connections_) {
-    connection.session->end(worker.pid, worker.task, reason, verdict);
+    connection.session->end(worker.pid, worker.task, reason, verdict, counts);
   }
 }
 

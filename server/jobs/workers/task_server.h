@@ -57,7 +57,7 @@ class TaskServer {
   void report_device(const std::string& device) const EXCLUDES(mutex_);
   void take_slice(const WatchedWorker& worker);
   void end_worker(const WatchedWorker& worker, const std::string& reason,
-                  const std::optional<Error>& verdict) EXCLUDES(mutex_);
+                  const std::optional<Error>& verdict, bool counts) EXCLUDES(mutex_);
 
   const TaskServerConfig config_;
   const TaskServerContext context_;

@@ -94,11 +94,12 @@ void WorkerSession::set_memory(int64_t bytes) {
 
 // The connection ends, too, where the process cannot be killed from here.
 void WorkerSession::end(int64_t pid, const std::string& task_id, const std::string& reason,
-                        const std::optional<Error>& verdict) {
+                        const std::optional<Error>& verdict, bool counts) {
   MutexLock lock(mutex_);
   if (state_.pid != pid || state_.task != task_id) return;
   ended_for_ = reason;
   verdict_ = verdict;
+  end_counts_ = counts;
   kill(pid);
   socket_.shutdown();
 }
@@ -467,6 +468,7 @@ void WorkerSession::set_task(std::string id, int64_t fence) {
   task_age_.lap();
   verdict_.reset();
   ended_for_.clear();
+  end_counts_ = true;
 }
 
 // The job's end is durable: a step that fails must not keep the next ones from being done, last of
@@ -511,6 +513,12 @@ double WorkerSession::stop_age_seconds() const {
   return std::max(cancelled, static_cast<double>(late_ms) / 1000.0);
 }
 
+// A full disk, the daemon's stop and the memory that other jobs take are not the job's fault.
+bool WorkerSession::loss_counts(const Error& why) const {
+  MutexLock lock(mutex_);
+  return end_counts_ && !context_.stopping && why.code != ErrorCode::kStorageFull;
+}
+
 // How the worker was lost, for the job's error.
 std::string WorkerSession::lost_reason(const Error& why, bool counts) {
   std::string reason = kill_reason_;
@@ -543,8 +551,7 @@ void WorkerSession::put_back(const Error& why) noexcept {
         context_.dispatcher.accept(number_);
       }
       const std::string lost_task = task();
-      // That the disk is full is not the job's fault.
-      const bool counts = !context_.stopping && why.code != ErrorCode::kStorageFull;
+      const bool counts = loss_counts(why);
       if (!lost_task.empty() && reason.empty()) reason = lost_reason(why, counts);
       if (!lost_task.empty()) {
         auto lost = end_lost(lost_task, reason, counts);

@@ -59,9 +59,9 @@ class WorkerSession {
   std::optional<WatchedScratch> watched_scratch() const EXCLUDES(mutex_);
   void set_memory(int64_t bytes) EXCLUDES(mutex_);
   // Kills the process and ends the session where it has this process and task. Its job fails with
-  // the verdict or, without one, is put back.
+  // the verdict or, without one, is put back; the attempt counts where it was the job's own doing.
   void end(int64_t pid, const std::string& task, const std::string& reason,
-           const std::optional<Error>& verdict) EXCLUDES(mutex_);
+           const std::optional<Error>& verdict, bool counts) EXCLUDES(mutex_);
 
  private:
   using Json = nlohmann::json;
@@ -102,6 +102,7 @@ class WorkerSession {
   // For how long nobody has wanted the task's result any more; negative: it is wanted.
   double stop_age_seconds() const;
   void put_back(const Error& why) noexcept;
+  bool loss_counts(const Error& why) const EXCLUDES(mutex_);
   std::string lost_reason(const Error& why, bool counts);
   Result<std::optional<JobRecord>> end_lost(const std::string& task_id, const std::string& reason,
                                             bool counts);
@@ -128,6 +129,7 @@ class WorkerSession {
   Stopwatch task_age_ GUARDED_BY(mutex_);
   std::optional<Error> verdict_ GUARDED_BY(mutex_);  // of a watch, on the task that runs
   std::string ended_for_ GUARDED_BY(mutex_);         // why a watch ended the worker, once it did
+  bool end_counts_ GUARDED_BY(mutex_) = true;        // whether that was the task's own doing
   // Since when the gateway waits for its next message; nullopt while it works on one.
   std::optional<Stopwatch> silence_ GUARDED_BY(mutex_);
 };

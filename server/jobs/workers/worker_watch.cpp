@@ -89,11 +89,14 @@ void WorkerWatch::look_at_all(const std::vector<Measured>& all) const {
   const auto beyond = [](const Measured& one) { return one.bytes - one.worker->asked_bytes; };
   const auto first = std::max_element(
       all.begin(), all.end(), [&](const auto& a, const auto& b) { return beyond(a) < beyond(b); });
-  calls_.displaced(*first->worker, "memory of all workers: " + memory_text(sum) + ", limit " +
-                                       memory_text(limits_.all_memory_bytes_max) +
-                                       "; this one took " + memory_text(first->bytes) +
-                                       " and had asked for " +
-                                       memory_text(first->worker->asked_bytes));
+  const auto busy =
+      std::ranges::count_if(all, [](const Measured& one) { return !one.worker->task.empty(); });
+  calls_.displaced(*first->worker,
+                   "memory of all workers: " + memory_text(sum) + ", limit " +
+                       memory_text(limits_.all_memory_bytes_max) + "; this one took " +
+                       memory_text(first->bytes) + " and had asked for " +
+                       memory_text(first->worker->asked_bytes),
+                   busy <= 1);
 }
 
 }  // namespace voxeld

@@ -195,6 +195,22 @@ TEST(PackGrid, bricks_and_blocks_keep_the_means_of_their_voxels) {
   EXPECT_EQ(packed->nodes[block + RAYMARCH_BLOCK_NORMAL], 0x00c0003fu);
 }
 
+TEST(PackGrid, voxels_inside_get_the_mean_colour_and_are_no_part_of_means) {
+  Grid grid = three_voxels();
+  grid.tiles[0].color = {255, 0, 10, 255, 0, 0, 0, 0};
+  grid.tiles[1].color = {0, 0, 0, 0};
+  const auto packed = pack_grid(grid);
+  ASSERT_TRUE(packed.ok());
+  EXPECT_THAT(packed->colors, ElementsAre(0xff0a00ffu, 0x000a00ffu, 0x000a00ffu));
+  EXPECT_THAT(*packed->full_color, ElementsAre(255, 0, 10));
+  EXPECT_EQ(packed->bricks[RAYMARCH_BRICK_COLOR], 0xff0a00ffu);
+  EXPECT_EQ(packed->bricks[RAYMARCH_BRICK_WORDS + RAYMARCH_BRICK_COLOR], 0x000a00ffu);
+  EXPECT_NEAR(packed->luminance, 0.2126 + 0.0722 * 0.003035, 1e-4);
+  const uint32_t tile = packed->nodes[0] & ~RAYMARCH_CHILD;
+  const uint32_t block = packed->nodes[tile + 1] & ~RAYMARCH_CHILD;
+  EXPECT_EQ(packed->nodes[block + RAYMARCH_BLOCK_COLOR], 0xff0a00ffu);
+}
+
 TEST(PackGrid, can_be_cancelled) {
   const Grid grid = three_voxels();
   const std::atomic<bool> flag{true};

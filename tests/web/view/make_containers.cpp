@@ -179,6 +179,17 @@ void add_grids_with_full_nodes(Maker& maker) {
             std::span(&whole, 1), true);
 }
 
+// A box of which half the voxels of the first tile, and all of the second, have no colour.
+void add_half_colored_box(Maker& maker) {
+  const ChannelSet channels = {.color = true};
+  auto tiles = test::tiles_of(test::box_voxels({240, 1, 2}, {270, 20, 40}), channels);
+  for (SparseTile& tile : tiles) {
+    const size_t begin = tile.coord[0] == 0 ? tile.color.size() / 2 : 0;
+    std::fill(tile.color.begin() + static_cast<std::ptrdiff_t>(begin / 4 * 4), tile.color.end(), 0);
+  }
+  maker.add("half_colored", header_of({300, 20, 40}, channels), tiles);
+}
+
 // A grid, its tiles in two parts, and previews: other voxels, in cells of so many of the grid's.
 void add_growing_grid(Maker& maker) {
   std::mt19937 random(6);
@@ -217,6 +228,7 @@ bool make(const std::filesystem::path& directory) {
   maker.add("small", small, test::tiles_of(box, ChannelSet()));
   add_random_grids(maker);
   add_grids_with_full_nodes(maker);
+  add_half_colored_box(maker);
   add_growing_grid(maker);
   // Empty parts of all sizes, and rows that are joined for the hull.
   std::mt19937 random(5);

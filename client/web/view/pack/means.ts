@@ -40,21 +40,29 @@ function srgbByte(linear: number): number {
   return LINEAR[low]! - linear < linear - LINEAR[low - 1]! ? low : low - 1;
 }
 
-/** The mean, in linear light, of words [first, first + count); 0 if there are none. */
+/**
+ * The mean, in linear light, of words [first, first + count). Words of alpha 0 count only if there
+ * are no others; then the mean has alpha 0. 0 if there are none.
+ */
 export function meanColor(words: Uint32Array, first: number, count: number): number {
   if (count === 0) return 0;
+  let visible = 0;
+  for (let i = first; i < first + count; ++i) visible += words[i]! >>> 24 === 0 ? 0 : 1;
+  const used = visible === 0 ? count : visible;
   let r = 0,
     g = 0,
     b = 0;
   for (let i = first; i < first + count; ++i) {
     const word = words[i]!;
+    if (visible !== 0 && word >>> 24 === 0) continue;
     r += LINEAR[word & 255]!;
     g += LINEAR[(word >>> 8) & 255]!;
     b += LINEAR[(word >>> 16) & 255]!;
   }
-  const half = count >> 1;
-  const byte = (sum: number): number => srgbByte(Math.floor((sum + half) / count));
-  return (0xff000000 | (byte(b) << 16) | (byte(g) << 8) | byte(r)) >>> 0;
+  const half = used >> 1;
+  const byte = (sum: number): number => srgbByte(Math.floor((sum + half) / used));
+  const alpha = visible === 0 ? 0 : 0xff000000;
+  return (alpha | (byte(b) << 16) | (byte(g) << 8) | byte(r)) >>> 0;
 }
 
 /** The mean of packed normals; 0 if there are none. */
@@ -74,10 +82,10 @@ export function meanNormal(words: Uint32Array, first: number, count: number): nu
 }
 
 /**
- * The mean of all voxels' colours as sRGB, weighted by alpha; null if all of it is 0. Integers as in
- * server/grid/color/mean_color.cpp.
+ * The mean of all voxels' colours as sRGB, weighted by alpha; a grey if all of it is 0. Integers as
+ * in server/grid/color/mean_color.cpp.
  */
-export function meanOfAll(words: Uint32Array, count: number): [number, number, number] | null {
+export function meanOfAll(words: Uint32Array, count: number): [number, number, number] {
   const table = linearTable(1 << 20),
     mean: number[] = [];
   for (const shift of [0, 8, 16]) {
@@ -90,7 +98,7 @@ export function meanOfAll(words: Uint32Array, count: number): [number, number, n
       weight += BigInt(alpha);
       sum += BigInt(alpha) * BigInt(table[value]!);
     });
-    if (weight === 0n) return null;
+    if (weight === 0n) return [180, 180, 180];
     const linear = Number((sum + weight / 2n) / weight);
     while (byte < 255 && 2 * linear > table[byte]! + table[byte + 1]!) ++byte;
     mean.push(byte);
@@ -98,20 +106,24 @@ export function meanOfAll(words: Uint32Array, count: number): [number, number, n
   return mean as [number, number, number];
 }
 
-/** The median luminance (Rec. 709) in linear light of at most some 100,000 words; 1 of none. */
+/**
+ * The median luminance (Rec. 709) in linear light of at most some 100,000 words, without those of
+ * alpha 0; 1 if none is left.
+ */
 export function medianLuminance(words: Uint32Array, count: number): number {
-  if (count === 0) return 1;
   const step = Math.floor(count / 100_000) + 1;
-  const luminances = new Float64Array(Math.ceil(count / step));
-  for (let i = 0, k = 0; i < count; i += step) {
+  const samples = new Float64Array(Math.ceil(count / step));
+  let visible = 0;
+  for (let i = 0; i < count; i += step) {
     const word = words[i]!;
-    luminances[k++] =
+    if (word >>> 24 === 0) continue;
+    samples[visible++] =
       0.2126 * (LINEAR[word & 255]! / 65535) +
       0.7152 * (LINEAR[(word >>> 8) & 255]! / 65535) +
       0.0722 * (LINEAR[(word >>> 16) & 255]! / 65535);
   }
-  luminances.sort();
-  return luminances[luminances.length >> 1]!;
+  if (visible === 0) return 1;
+  return samples.subarray(0, visible).sort()[visible >> 1]!;
 }
 
 function voxelsOfBrick(bricks: Uint32Array, at: number): number {
@@ -168,10 +180,4 @@ export function setColorMeans(grid: Tables, colors: Words): void {
 }
 export function setNormalMeans(grid: Tables, normals: Words): void {
   setMeans(grid, normals, BRICK_NORMAL, BLOCK_NORMAL, meanNormal);
-}
-
-/** Writes the mean of no colours, which is black, into the tables of blocks: those of a grid with
- * normals alone have it, too. */
-export function setNoColorMeans(grid: Tables): void {
-  for (const table of blockTables(grid)) grid.nodes[table + BLOCK_COLOR] = 0xff000000;
 }

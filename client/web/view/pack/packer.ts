@@ -15,7 +15,7 @@ import { decompressStream } from "../decode/zstd_stream";
 import type { Channel, Vec3 } from "../viewer";
 import { Rows } from "./hull";
 import { markEmptyCubes } from "./empty_cubes";
-import { setColorMeans, setNoColorMeans, setNormalMeans } from "./means";
+import { setColorMeans, setNormalMeans } from "./means";
 import { paintOf } from "./paint";
 import {
   BLOCK_WORDS,
@@ -154,7 +154,6 @@ export class Packer {
       hull: this.#rows.points(),
     };
     if (paint) setColorMeans(grid, paint.colors);
-    else if (attributes.normal) setNoColorMeans(grid);
     if (attributes.normal) setNormalMeans(grid, attributes.normal);
     return grid;
   }

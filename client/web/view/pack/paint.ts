@@ -93,6 +93,17 @@ function colorsOf(attributes: Attributes, channel: Channel, count: number): Word
   }
 }
 
+/**
+ * Colours whose voxels inside of solids, which are (0,0,0,0), have the mean of the others, with
+ * alpha 0: means leave it out.
+ */
+function withInner(colors: Words, count: number, [r, g, b]: Vec3): Words {
+  const all = tableOf(count),
+    inner = word(r, g, b) & 0xffffff;
+  for (let i = 0; i < count; ++i) all[i] = colors[i] || inner;
+  return all;
+}
+
 /** The colours of a channel, or null if the grid lacks it. count: voxels outside full nodes. */
 export function paintOf(
   attributes: Attributes,
@@ -100,12 +111,16 @@ export function paintOf(
   count: number,
   hasFull: boolean,
 ): Paint | null {
-  const colors = colorsOf(attributes, channel, count);
+  let colors = colorsOf(attributes, channel, count);
   if (!colors) return null;
   // Measures and normals keep their colours; the others are brightened as the daemon does.
   const isMeasure = channel === "normal" || channel === "distance" || channel === "coverage";
   let fullColor: Vec3 | null = null;
-  if (hasFull && count > 0 && channel === "color") fullColor = meanOfAll(colors, count);
+  if (channel === "color" && count > 0) {
+    const hasInner = colors.subarray(0, count).includes(0);
+    if (hasFull || hasInner) fullColor = meanOfAll(colors, count);
+    if (fullColor && hasInner) colors = withInner(colors, count, fullColor);
+  }
   if (channel === "coverage") fullColor = COVERAGE_STOPS[COVERAGE_STOPS.length - 1]!;
   return { colors, fullColor, luminance: isMeasure ? 1 : medianLuminance(colors, count) };
 }

@@ -40,10 +40,8 @@ std::vector<std::pair<std::string, Error>> verdicts(WatchLimits limits, const Wa
                   },
               .condemned = [&](const WatchedWorker& one,
                                const Error& error) { told.emplace_back(one.task, error); },
-              .displaced =
-                  [](const WatchedWorker& one, const std::string&) {
-                    ADD_FAILURE() << one.task << ": all of them have no limit";
-                  },
+              .displaced = [](const WatchedWorker& one, const std::string&,
+                              bool) { ADD_FAILURE() << one.task << ": all of them have no limit"; },
               .silent = nullptr});
   return told;
 }
@@ -58,17 +56,22 @@ TEST(WorkerWatch, a_worker_within_its_limits_is_measured_and_left_alone) {
 }
 
 // Which of them the watch ends where all are this very process.
-std::vector<std::pair<std::string, std::string>> displaced(
-    WatchLimits limits, const std::vector<WatchedWorker>& workers) {
-  std::vector<std::pair<std::string, std::string>> told;
+struct Displaced {
+  std::string task, reason;
+  bool is_alone = false;
+};
+std::vector<Displaced> displaced(WatchLimits limits, const std::vector<WatchedWorker>& workers) {
+  std::vector<Displaced> told;
   watch_once(
       limits, workers,
       {.workers = nullptr,
        .measured = [](const WatchedWorker&, int64_t) {},
        .condemned = [](const WatchedWorker& one,
                        const Error& error) { EXPECT_EQ(one.task, "long") << error.message(); },
-       .displaced = [&](const WatchedWorker& one,
-                        const std::string& reason) { told.emplace_back(one.task, reason); },
+       .displaced =
+           [&](const WatchedWorker& one, const std::string& reason, bool is_alone) {
+             told.push_back({one.task, reason, is_alone});
+           },
        .silent = nullptr});
   return told;
 }
@@ -82,11 +85,22 @@ TEST(WorkerWatch, over_the_total_the_worker_furthest_beyond_its_request_is_ended
       {.pid = pid, .task = "grew", .task_seconds = 1, .asked_bytes = kSome}};
   const auto told = displaced({.all_memory_bytes_max = 1}, workers);
   ASSERT_FALSE(told.empty());
-  for (const auto& [task, reason] : told) EXPECT_EQ(task, "reads") << "one at each look";
-  EXPECT_TRUE(told[0].second.starts_with("memory of all workers: ")) << told[0].second;
-  EXPECT_TRUE(told[0].second.ends_with(" and had asked for 0 MB")) << told[0].second;
+  for (const Displaced& one : told) EXPECT_EQ(one.task, "reads") << "one at each look";
+  EXPECT_TRUE(told[0].reason.starts_with("memory of all workers: ")) << told[0].reason;
+  EXPECT_TRUE(told[0].reason.ends_with(" and had asked for 0 MB")) << told[0].reason;
+  EXPECT_FALSE(told[0].is_alone);
   EXPECT_TRUE(displaced({.all_memory_bytes_max = kMuch}, workers).empty());
   EXPECT_TRUE(displaced({}, workers).empty());
+}
+
+TEST(WorkerWatch, a_job_that_exceeds_the_total_alone_is_told_so) {
+  const int64_t pid = ::getpid();
+  const auto told = displaced({.all_memory_bytes_max = 1},
+                              {{.pid = pid, .task = "reads", .task_seconds = 1},
+                               {.pid = pid, .task = "", .asked_bytes = int64_t{1} << 40}});
+  ASSERT_FALSE(told.empty());
+  EXPECT_EQ(told[0].task, "reads");
+  EXPECT_TRUE(told[0].is_alone);
 }
 
 TEST(WorkerWatch, a_worker_that_is_ended_anyway_does_not_count_towards_the_total) {

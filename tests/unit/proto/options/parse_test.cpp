@@ -246,6 +246,15 @@ TEST(Options, bounds_without_a_volume_are_refused) {
   }
 }
 
+TEST(Options, a_column_major_or_projective_transform_is_refused) {
+  for (const std::string value :
+       {"1,0,0,0,0,1,0,0,0,0,1,0,5,6,7,1", "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2"}) {
+    EXPECT_EQ(refused({{"transform", value}}, OptionScope::kVoxelize).message(),
+              "transform: expected 16 numbers, row-major: the last four are 0,0,0,1, got \"" +
+                  value + "\"");
+  }
+}
+
 TEST(Options, a_section_plane_without_a_normal_is_refused) {
   EXPECT_EQ(refused({{"section", "0,0,-0,1"}}, OptionScope::kRenderGrid).message(),
             "section: expected a,b,c,d with a normal a,b,c other than 0, got \"0,0,-0,1\"");
