@@ -331,6 +331,17 @@ class CliFiles(DaemonTest):
         self.assert_usage("the job's result cannot go to this file", "jobs", job["id"], "-o",
                           self.dir / "r.jpg")
 
+    def test_a_converted_result_has_the_voxels_of_its_job(self):
+        mesh, = self.meshes("a.ply")
+        options = ("--size", 16, "--fill", "solid", "--region", "2,0,1,14,8,15", "--level", 1, "--mirror", "x,z",
+                   "--keep", 2, "--erode", 1, "--neighbors", 6, "--crop", "yes", "--palette", "bw")
+        done = self.voxel(mesh, "-o", self.dir / "a.vox", *options, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        job = json.loads(done.stdout)["job"]["id"]
+        self.assertEqual(self.voxel("jobs", job, "-o", self.dir / "b.qb").returncode, 0)
+        self.assertEqual(self.voxel(mesh, "-o", self.dir / "c.qb", *options).returncode, 0)
+        self.assertEqual((self.dir / "b.qb").read_bytes(), (self.dir / "c.qb").read_bytes())
+
     def test_an_image_goes_only_to_a_name_of_images(self):
         mesh, = self.meshes("a.ply")
         done = self.voxel("render", mesh, "-o", self.dir / "a.png", "--size", 16, "--width", 32, "--height", 32,

@@ -82,6 +82,33 @@ std::string extension_of(const JobInfo& job) {
   return type == "application/json" ? ".json" : "";
 }
 
+// The text of an option's value in a job's status.
+std::string option_text(const nlohmann::json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (!value.is_array()) return value.dump();
+  std::string text;
+  for (const auto& item : value) text += (text.empty() ? "" : ",") + option_text(item);
+  return text;
+}
+
+// The options by which a job's result differs from the grid that it stored.
+void take_selection(const JobInfo& job, client::Options& options) {
+  constexpr std::string_view kSelecting[] = {"level", "level_rule", "region", "alpha",
+                                             "keep",  "dilate",     "erode",  "hollow",
+                                             "crop",  "neighbors",  "mirror", "remap"};
+  const auto status = parsed(job.json);
+  const auto given = status.find("options");
+  if (given == status.end()) return;
+  for (const std::string_view name : kSelecting) {
+    const auto value = given->find(name);
+    if (value != given->end()) options.set(std::string(name), option_text(*value));
+  }
+  const auto palette = given->find("palette");  // a number is of a .vox alone
+  if (palette != given->end() && !palette->is_number()) {
+    options.set("palette", option_text(*palette));
+  }
+}
+
 Conversion conversion_to(const std::string& path, const JobInfo& job) {
   const OutputName name = OutputName::of(path);
   const std::string made = extension_of(job);
@@ -110,6 +137,7 @@ Conversion conversion_to(const std::string& path, const JobInfo& job) {
   conversion.input =
       is_sequence ? client::Input::of_sequence(job.sequence) : client::Input::of_grid(job.grid);
   conversion.options.set("format", std::string(format_name(name.format)));
+  take_selection(job, conversion.options);
   return conversion;
 }
 

@@ -220,7 +220,7 @@ class VOXELD_CLIENT_API Options {
   Options& up(UpAxis value) { return set("up", std::string(name_of(value))); }
   // unit of the mesh's coordinates, a label of the result
   Options& units(Units value) { return set("units", std::string(name_of(value))); }
-  // 16 numbers: row-major 4x4 matrix that is applied to the mesh first
+  // 16 numbers: row-major 4x4 matrix that is applied to the mesh first; its last row is 0,0,0,1
   Options& transform(const std::array<double, 16>& values) {
     return set("transform", text(std::span<const double>(values)));
   }
