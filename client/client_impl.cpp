@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <thread>
 
 #include "client/content_check.h"
@@ -13,6 +14,7 @@
 #include "client/responses.h"
 #include "proto/asset_id.h"
 #include "proto/messages/job.h"
+#include "proto/text/hex.h"
 #include "proto/text/percent_encoding.h"
 
 namespace voxeld::client {
@@ -30,6 +32,9 @@ constexpr long long kAskedBytesMin = 64LL * 1024;
 constexpr size_t kHashedBytes = size_t{1} << 20;  // at a time
 // The time of one long poll: progress is reported at least this often.
 constexpr std::chrono::seconds kPollTime = 2s;
+// A daemon that hangs must not keep its caller from giving up.
+constexpr std::chrono::seconds kCancelTime = 10s;
+const std::string kIdempotencyKey = "Idempotency-Key: ";
 
 // Reads a Source piece by piece.
 struct SourceReader {
@@ -77,6 +82,20 @@ bool is_busy(const HttpResponse& response) {
   return response.failure == HttpResponse::Failure::kUnreachable ||
          (response.failure == HttpResponse::Failure::kNone &&
           (response.status == 429 || response.status == 503));
+}
+
+// Whether it may be sent again where its response was lost: it reads, or the daemon knows it again.
+bool is_repeatable(const HttpRequest& request) {
+  return request.method == "GET" || std::ranges::any_of(request.headers, [](const auto& header) {
+           return header.starts_with(kIdempotencyKey);
+         });
+}
+
+std::string random_key() {
+  std::random_device random;
+  std::string key;
+  for (int i = 0; i < 16; ++i) append_hex(key, static_cast<uint8_t>(random()));
+  return key;
 }
 
 std::string header_of(const HttpResponse& response, const std::string& name) {
@@ -187,7 +206,9 @@ HttpResponse ClientImpl::call(HttpRequest request, const std::string& body,
       request.body_bytes = reader.bytes;
     }
     HttpResponse response = transport_.exchange(request);
-    if (is_busy(response) && attempt < settings_.retries) {
+    const bool is_lost =
+        response.failure == HttpResponse::Failure::kBroken && is_repeatable(request);
+    if ((is_busy(response) || is_lost) && attempt < settings_.retries) {
       pause(attempt, response, stop);
       continue;
     }
@@ -298,6 +319,7 @@ HttpResponse ClientImpl::post_job(std::string_view kind, const Input& input, con
   request.method = "POST";
   request.url = url("/v1/jobs") + std::string(query);
   request.headers = {"Content-Type: application/json"};
+  if (query.empty()) request.headers.push_back(kIdempotencyKey + random_key());
   request.keep_going = [] { return true; };
   // File names need not be UTF-8, but JSON must be.
   const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -353,11 +375,17 @@ JobInfo ClientImpl::look_for(std::string_view id, std::chrono::seconds time,
   return job_info(parse_object(look(id, "", std::min(time, kPollTime), stop).body));
 }
 
-JobInfo ClientImpl::cancel(std::string_view id) {
+HttpRequest ClientImpl::cancel_request(std::string_view id) const {
   HttpRequest request;
   request.method = "DELETE";
   request.url = url("/v1/jobs/" + std::string(id));
-  return job_info(parse_object(call(std::move(request)).body));
+  const auto until = std::chrono::steady_clock::now() + kCancelTime;
+  request.keep_going = [until] { return std::chrono::steady_clock::now() < until; };
+  return request;
+}
+
+JobInfo ClientImpl::cancel(std::string_view id) {
+  return job_info(parse_object(call(cancel_request(id)).body));
 }
 
 JobInfo ClientImpl::wait_end(std::string_view id, const ProgressCallback& progress,
@@ -470,12 +498,7 @@ JobInfo ClientImpl::begin(std::string_view kind, const Source& source, const Opt
 
 JobInfo ClientImpl::finish(JobInfo job, const Sink& sink, const ProgressCallback& progress,
                            const std::stop_token& stop) {
-  const auto give_up = [&] {
-    HttpRequest request;
-    request.method = "DELETE";
-    request.url = url("/v1/jobs/" + job.id);
-    (void)transport_.exchange(request);
-  };
+  const auto give_up = [&] { (void)transport_.exchange(cancel_request(job.id)); };
   try {
     job = wait(job.id, progress, stop);
   } catch (const Error& error) {

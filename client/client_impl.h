@@ -22,7 +22,8 @@ class ClientImpl {
  public:
   explicit ClientImpl(Settings settings);
 
-  // Exchanges until the response is not 429, 503 or a refused connection, or no tries are left.
+  // Exchanges until the response is not 429, 503 or a refused connection, and not lost where the
+  // request may be repeated, or no tries are left.
   // `body` is sent anew each time. Throws Error for any status but 2xx.
   HttpResponse call(HttpRequest request, const std::string& body = "",
                     const std::stop_token& stop = {});
@@ -66,6 +67,7 @@ class ClientImpl {
               const ProgressCallback& progress, const std::stop_token& stop);
 
  private:
+  HttpRequest cancel_request(std::string_view id) const;
   // The id of the source's bytes, if the daemon has them under a name that is read likewise; else
   // "". Throws if it is stopped or the file cannot be read.
   std::string known_asset(const Source& source, const ProgressCallback& progress,

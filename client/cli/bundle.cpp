@@ -477,14 +477,21 @@ std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string>
 }
 
 // Reads stdin, or a pipe that `owner` closes. A read that blocks would not notice a stop.
+// Waits until there is something to read, or the end.
+void await_input(int descriptor, const std::stop_token& stop) {
+  pollfd input{descriptor, POLLIN, 0};
+  while (::poll(&input, 1, kStreamLookMs) <= 0) {
+    if (stop.stop_requested()) throw client::Error("interrupted", 0, "stopped by the caller");
+  }
+}
+
 client::Source stream_source(int descriptor, std::shared_ptr<void> owner, const std::string& name,
                              const std::string& filename, const std::stop_token& stop) {
+  // The daemon ends an upload that is silent: the connection waits until what writes has begun.
+  await_input(descriptor, stop);
   return client::Source::stream(
       [descriptor, owner = std::move(owner), name, stop](std::span<std::byte> buffer) {
-        pollfd input{descriptor, POLLIN, 0};
-        while (::poll(&input, 1, kStreamLookMs) <= 0) {
-          if (stop.stop_requested()) throw client::Error("interrupted", 0, "stopped by the caller");
-        }
+        await_input(descriptor, stop);
         const ssize_t count = ::read(descriptor, buffer.data(), buffer.size());
         if (count < 0) {
           throw client::Error("file", 0, name + " cannot be read: " + std::strerror(errno));

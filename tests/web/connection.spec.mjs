@@ -97,6 +97,27 @@ test("a body that breaks off is asked for again", async ({ page }) => {
   proxy.close();
 });
 
+test("a proxy that has lost the daemon for a moment is asked again", async ({ page }) => {
+  const refused = { submission: 502, events: 504 };
+  await page.route("**/v1/jobs**", async route => {
+    const request = route.request();
+    const kind = request.url().endsWith("/events")
+      ? "events"
+      : request.method() === "POST" && !request.url().includes("dry_run")
+        ? "submission"
+        : "";
+    const status = refused[kind];
+    delete refused[kind];
+    if (!status) return await route.continue();
+    await route.fulfill({ status, contentType: "text/html", body: "<h1>Bad Gateway</h1>" });
+  });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await expect(page.locator("#banner")).toBeHidden();
+  expect(refused.submission).toBe(undefined);
+});
+
 test("a clock that is five minutes late does not change what is told", async ({ page }) => {
   await page.addInitScript(() => {
     const now = Date.now;

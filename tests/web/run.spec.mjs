@@ -10,7 +10,21 @@ async function startLongRun(page) {
   await resize(page, 8192);
   await page.click("#run");
   await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
+  await expect(page.locator("#card-take button.primary")).toBeDisabled(); // it is of the grid before
 }
+
+test("a channel that is added leaves the others", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await page.locator(".checks").evaluate(checks => (checks.closest("details").open = true));
+  const box = name => page.locator(".checks label", { hasText: name }).locator("input");
+  await expect(box("Colour")).toBeChecked();
+  await box("Normal").check();
+  await expect(page.locator("#commands pre")).toContainText("channels=occupancy,color,normal");
+  await box("Colour").uncheck();
+  await expect(page.locator("#commands pre")).toContainText("channels=occupancy,normal");
+});
 
 test("a job of a superseded setting is cancelled, and cancel ends the last", async ({ page }) => {
   await startLongRun(page);

@@ -97,6 +97,15 @@ test("a picture, a turntable and a link that others can open", async ({ page, re
   expect(shared.headers()["content-disposition"]).toContain('"rocket.vox"');
 });
 
+test("a grid that cannot be shown can be taken home", async ({ page }) => {
+  await page.route(/\/v1\/grids\/[^/?]+(\?|$)/, route => route.fulfill({ body: "no grid" }));
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await expect(page.locator("#banner")).toBeVisible();
+  const file = await download(page, () => page.click("#card-take button.primary"));
+  expect(file.bytes.subarray(0, 7).toString()).toBe("VOXGRID");
+});
+
 test("a link that comes after another result is not shown", async ({ page }) => {
   let release = () => undefined;
   const held = new Promise(resolve => (release = resolve));

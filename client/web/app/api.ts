@@ -34,6 +34,7 @@ export interface Ask {
 
 const PAUSES_MS = [400, 800, 1500, 2500]; // before further tries; then the last one again
 const BUSY_TRIES_MAX = 6;
+const BAD_RESPONSE = "bad-response"; // code of one that is not the daemon's
 const LOST_UPLOADS_MAX = 3; // of one file while the daemon answers; then an error
 
 const CLOCK_MS_MAX = 2000; // that clocks may differ without notice; the Date header has seconds
@@ -119,6 +120,7 @@ export class Api {
         return response;
       }
       const problem = problemOf(response.status, await response.text());
+      if (ask.isOnce && problem.code === BAD_RESPONSE) throw problem; // a proxy lost the response
       await this.#overcome(problem, response.headers.get("Retry-After"), key, tries, ask.signal);
     }
   }
@@ -135,8 +137,11 @@ export class Api {
     if (status === 401) return this.#renewKey(key);
     if (problem.code === "shutting-down") return this.#waitForDaemon(tries.lost++, signal);
     this.#setOnline(true);
-    if ((status !== 429 && status !== 503) || tries.busy++ >= BUSY_TRIES_MAX) throw problem;
-    const seconds = Math.min(30, Number(retryAfter) || 1);
+    const isProxy = problem.code === BAD_RESPONSE && [502, 503, 504].includes(status);
+    if ((status !== 429 && status !== 503 && !isProxy) || tries.busy++ >= BUSY_TRIES_MAX)
+      throw problem;
+    // A proxy tells no time, and what is behind it may be starting.
+    const seconds = Math.min(30, Number(retryAfter) || (isProxy ? 2 ** (tries.busy - 1) : 1));
     this.onBusy(seconds);
     return pause(seconds * 1000, signal);
   }
@@ -263,7 +268,7 @@ function problemOf(status: number, text: string): Problem {
   try {
     return Problem.of(JSON.parse(text) as ErrorBody, status);
   } catch {
-    return new Problem(status, "bad-response", `HTTP ${status}`);
+    return new Problem(status, BAD_RESPONSE, `HTTP ${status}`);
   }
 }
 

@@ -1,5 +1,5 @@
 // The view that voxelizes: from files to an asset, to voxels, to what is taken home.
-import { isAbort, type Api } from "./api";
+import { isAbort, Problem, type Api } from "./api";
 import { byId, fill, h } from "./dom";
 import {
   bundleOf,
@@ -25,6 +25,7 @@ import { uploadBundle } from "./upload";
 const PRICE_DELAY_MS = 140; // after a change of the settings
 const RUN_DELAY_MS = 350;
 const AUTO_SECONDS_MAX = 8; // jobs that are expected to take longer wait for a click
+const CANCEL_MS_MAX = 60_000; // a job that is cancelled has ended by then
 // Formats that may have animations: their description decides the options of the first job.
 const MAY_MOVE = /\.(gltf|glb|md5mesh|zip)$/i;
 
@@ -268,12 +269,12 @@ export class App {
     const described = this.api.json<AssetDescription>(`/v1/assets/${asset.id}`, { signal });
     const mayMove = MAY_MOVE.test(bundle.mesh.name);
     // A still mesh is voxelized while it is described.
-    const first = mayMove ? null : this.#run();
+    const first = mayMove ? null : this.#runIfQuick(0);
     try {
       const description = await described;
       this.#settings.describe(description);
       this.#showDescription(description);
-      if (mayMove) void this.#run();
+      if (mayMove) void this.#runIfQuick(0);
     } catch (error) {
       await first;
       throw error;
@@ -325,15 +326,16 @@ export class App {
     this.#pricing?.abort();
     if (this.#runner.isRunning) void this.#cancel();
     this.#timer = setTimeout(
-      () =>
-        void this.#askPrice().then(price => {
-          if (!price) return;
-          if (price.cached || price.estimate.seconds <= AUTO_SECONDS_MAX) {
-            this.#timer = setTimeout(() => void this.#run(), isFinal ? 0 : RUN_DELAY_MS);
-          }
-        }),
+      () => void this.#runIfQuick(isFinal ? 0 : RUN_DELAY_MS),
       PRICE_DELAY_MS,
     );
+  }
+
+  // What takes longer starts by a click.
+  async #runIfQuick(delayMs: number): Promise<void> {
+    const price = await this.#askPrice();
+    if (!price || (!price.cached && price.estimate.seconds > AUTO_SECONDS_MAX)) return;
+    this.#timer = setTimeout(() => void this.#run(), delayMs);
   }
 
   async #askPrice(): Promise<DryRun | null> {
@@ -419,6 +421,7 @@ export class App {
   async #showGrid(job: JobStatus, preview: number): Promise<void> {
     const meta = job.result?.meta ?? {},
       asset = this.#asset;
+    this.#take.hold(); // it has the grid that was shown before
     const isMoving = !preview && (job.frames_total > 0 || Boolean(job.result?.sequence));
     this.#meta = meta;
     if (isMoving) {
@@ -444,7 +447,9 @@ export class App {
   async #grow(parts: readonly ArrayBuffer[]): Promise<void> {
     try {
       const grid = await this.#stage.grow(parts);
-      if (grid) this.#look.show({ ...this.#meta, dims: grid.dims, voxel_size: grid.voxelSize });
+      if (!grid) return;
+      this.#take.hold();
+      this.#look.show({ ...this.#meta, dims: grid.dims, voxel_size: grid.voxelSize });
     } catch (error) {
       if (!isAbort(error) && (error as Error).name !== "DecodeError") throw error;
     }
@@ -500,16 +505,26 @@ export class App {
     this.#close();
     if (!asset || !bundle) return; // it was not uploaded yet
     await this.#runner.stop();
-    const paths = [
-      ...[...jobs].map(id => `/v1/jobs/${id}/result`),
-      ...assets.map(id => `/v1/assets/${id}`),
-    ];
-    try {
-      for (const path of paths) {
-        await this.api.request(path, { method: "DELETE" }).catch((error: { status?: number }) => {
-          if (![404, 409, 410].includes(error.status ?? 0)) throw error; // gone already, or never made
-        });
+    // Whether it is there and cannot be deleted; what is gone already is as wanted.
+    const keeps = async (path: string): Promise<boolean> => {
+      try {
+        await this.api.request(path, { method: "DELETE" });
+      } catch (error) {
+        const status = error instanceof Problem ? error.status : 0;
+        if (![404, 409, 410].includes(status)) throw error;
+        return status === 409;
       }
+      return false;
+    };
+    try {
+      for (const id of jobs) {
+        const path = `/v1/jobs/${id}/result`;
+        if (!(await keeps(path))) continue;
+        // A job that is being cancelled may have frames yet.
+        for await (const _ of this.api.events(id, AbortSignal.timeout(CANCEL_MS_MAX)));
+        await keeps(path);
+      }
+      for (const id of assets) await keeps(`/v1/assets/${id}`);
       this.onNote(t(T.removed, { name }));
     } catch (error) {
       if (!isAbort(error)) this.onProblem(error);

@@ -50,6 +50,11 @@ function isMesh(file: NamedFile): boolean {
   return MESHES.includes(extensionOf(file.name));
 }
 
+// Whether files of the mesh's format may name others.
+function hasCompanions(mesh: NamedFile): boolean {
+  return ["md5mesh", "gltf", "obj", "ply"].includes(extensionOf(mesh.name));
+}
+
 function isCompanion(file: NamedFile): boolean {
   return COMPANIONS.includes(extensionOf(file.name));
 }
@@ -128,20 +133,22 @@ export function bundleOf(files: readonly NamedFile[]): Bundle | null {
     name: file.name.slice(cut),
     blob: file.blob,
   }));
-  const isWhole = ["zip", "glb", "stl", "off"].includes(extensionOf(mesh.name));
   return {
     mesh: named[0] as NamedFile,
-    files: isWhole ? [named[0] as NamedFile] : named,
+    files: hasCompanions(mesh) ? named : [named[0] as NamedFile],
     ignored: meshes.length - 1,
   };
 }
 
-/** The bundle with files that it lacked, dropped later; null if there are none among these. */
+/**
+ * The bundle with files that it lacked, dropped later; null if there are none among these, or the
+ * mesh's format names no others.
+ */
 export function extended(bundle: Bundle, files: readonly NamedFile[]): Bundle | null {
   const added = files
     .filter(isCompanion)
     .map(file => ({ name: file.name.slice(file.name.lastIndexOf("/") + 1), blob: file.blob }));
-  if (added.length === 0) return null;
+  if (added.length === 0 || !hasCompanions(bundle.mesh)) return null;
   const names = new Set(added.map(file => file.name.toLowerCase()));
   return {
     ...bundle,

@@ -141,6 +141,16 @@ export class Runner {
     await this.#follow(body, size, signal).catch(ignoreProblem);
   }
 
+  // A grid that cannot be shown can be taken home all the same.
+  async #shown(showing: Promise<void>): Promise<void> {
+    try {
+      await showing;
+    } catch (error) {
+      if (isAbort(error)) throw error;
+      this.hooks.onProblem(error);
+    }
+  }
+
   // Submits a job and shows its states and grids until it has ended.
   async #follow(
     body: object,
@@ -161,7 +171,7 @@ export class Runner {
       if (response?.status !== 200) return; // there are no others yet
       shown = Number(response.headers.get("X-Voxeld-Next"));
       tiles.push(await response.arrayBuffer());
-      await this.hooks.onTiles(tiles);
+      await this.#shown(this.hooks.onTiles(tiles));
     };
     const show = async () => {
       signal.throwIfAborted();
@@ -170,7 +180,7 @@ export class Runner {
       if (hasEnded(job)) return;
       if (job.frames_done > framesShown) {
         framesShown = job.frames_done;
-        await this.hooks.onGrid(job, preview);
+        await this.#shown(this.hooks.onGrid(job, preview));
       } else {
         await grow();
       }
@@ -181,7 +191,7 @@ export class Runner {
     }
     if (job.state === "done") {
       job = await this.api.json<JobStatus>(`/v1/jobs/${job.id}`, { signal }); // with all of its meta
-      await this.hooks.onGrid(job, preview);
+      await this.#shown(this.hooks.onGrid(job, preview));
       if (!signal.aborted) this.hooks.onStatus(job, preview);
     }
     return job;

@@ -27,7 +27,8 @@ export class Settings {
   declare onChange: (isFinal: boolean) => void;
 
   #values: Record<string, string | number> = { ...DEFAULTS } as Record<string, string | number>;
-  #channels = new Set<string>();
+  #channels: Set<string> | null = null; // null: the daemon's choice
+  readonly #channelBoxes = new Map<string, HTMLInputElement>();
   #isSized = false; // by hand
   readonly #slider = h("input", {
     type: "range",
@@ -87,21 +88,35 @@ export class Settings {
   /** The options that differ from the daemon's defaults, and the size. */
   get options(): Options {
     const options: Record<string, string | number | string[]> = {};
+    const channels = this.#channels ?? this.#usualChannels;
     for (const [name, value] of Object.entries(this.#values)) {
       if (value !== "" && (name === "size" || DEFAULTS[name] !== value)) options[name] = value;
     }
     const kind = this.#values["fill"];
     if (kind === "surface") {
       delete options["interior"];
-      if (!this.#channels.has("distance")) delete options["sign"];
+      if (!channels.has("distance")) delete options["sign"];
     }
     if (kind !== "shell" && kind !== "band") delete options["thickness"];
     if (kind === "band") for (const name of ["rule", "interior"]) delete options[name];
-    if (!this.#channels.has("label")) delete options["labels"];
+    if (!channels.has("label")) delete options["labels"];
     if (options["animation"] === undefined) delete options["fps"];
-    if (this.#channels.size > 0)
-      options["channels"] = CHANNELS.filter(name => this.#channels.has(name));
+    if (this.#channels)
+      options["channels"] = ["occupancy", ...CHANNELS.filter(name => channels.has(name))];
     return options;
+  }
+
+  // Those that the daemon gives a grid where a request names none.
+  get #usualChannels(): Set<string> {
+    const { color, fill } = this.#values;
+    const isColored =
+      color !== "none" &&
+      (this.#description?.has_colors || color === "shaded" || color === "axis");
+    return new Set([...(isColored ? ["color"] : []), ...(fill === "band" ? ["distance"] : [])]);
+  }
+  #showChannels(): void {
+    const channels = this.#channels ?? this.#usualChannels;
+    for (const [name, box] of this.#channelBoxes) box.checked = channels.has(name);
   }
 
   /** Offers what fits the mesh. */
@@ -133,6 +148,7 @@ export class Settings {
     if (usable.length > 0 && !this.#isSized) this.#values["size"] = 128; // there is one grid for each frame
     this.#showSize();
     this.#showNote();
+    this.#showChannels();
   }
 
   #set(name: string, value: string | number, isFinal = true): void {
@@ -142,6 +158,7 @@ export class Settings {
     thickness.value = String(this.#values["thickness"] || (this.#values["fill"] === "band" ? 3 : 1));
     this.#thickness.hidden = this.#values["fill"] !== "shell" && this.#values["fill"] !== "band";
     this.#showNote();
+    this.#showChannels();
     this.onChange(isFinal);
   }
 
@@ -225,20 +242,19 @@ export class Settings {
   }
 
   #moreFields(): HTMLElement {
-    const channel = (name: string) =>
-      h(
-        "label",
-        { className: "check" },
-        h("input", {
-          type: "checkbox",
-          onchange: (event: Event) => {
-            if ((event.target as HTMLInputElement).checked) this.#channels.add(name);
-            else this.#channels.delete(name);
-            this.onChange(true);
-          },
-        }),
-        names[`channel_${name}`]!,
-      );
+    const channel = (name: string) => {
+      const box = h("input", {
+        type: "checkbox",
+        onchange: () => {
+          this.#channels ??= this.#usualChannels;
+          if (box.checked) this.#channels.add(name);
+          else this.#channels.delete(name);
+          this.onChange(true);
+        },
+      });
+      this.#channelBoxes.set(name, box);
+      return h("label", { className: "check" }, box, names[`channel_${name}`]!);
+    };
     const choose = (name: string, choices: readonly Choice[]) =>
       select(choices, String(DEFAULTS[name]), value => this.#set(name, value));
     return h(
@@ -281,11 +297,13 @@ export class Settings {
     this.#values["fill"] = "surface";
     if (!this.#isSized) this.#values["size"] = DEFAULTS["size"] as number;
     this.#description = null;
+    this.#channels = null;
     this.#values["animation"] = this.#values["fps"] = "";
     this.#animationFields.hidden = true;
     this.#showSize();
     setSegment(this.#fills, "surface");
     this.#thickness.hidden = true;
+    this.#showChannels();
   }
 }
 

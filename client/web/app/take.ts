@@ -103,7 +103,13 @@ export class Take {
     this.#choose(this.#format.name);
   }
 
-  /** Sets the source of all files; null: nothing can be taken. */
+  /** Nothing can be taken until the next result is there; what is under way goes on. */
+  hold(): void {
+    this.#source = null;
+    this.#refresh();
+  }
+
+  /** Sets the source of all files; null: nothing can be taken, and what is under way ends. */
   show(source: Source | null): void {
     this.#source = source;
     if (!source) {

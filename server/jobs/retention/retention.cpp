@@ -13,6 +13,7 @@ namespace {
 
 // A batch takes some milliseconds; other writers come in between.
 constexpr int64_t kBatch = 64;
+constexpr size_t kIdsMax = 1024;  // files of one batch, but for those of a single result
 // Uses that are remembered between two flushes; more are forgotten, which makes a result a little
 // older than it is.
 constexpr size_t kTouchedMax = 50'000;
@@ -154,27 +155,23 @@ Status Retention::note_use(const std::string& id, std::string_view uses, int64_t
 }
 
 Result<int64_t> Retention::remove(const Ids& ids, std::string_view quarantine_day) {
+  const auto remove_one = [&](const std::string& id) {
+    return quarantine_day.empty() ? blobs_.remove(id) : blobs_.quarantine(id, quarantine_day);
+  };
+  // The files of a sequence are thousands: the writer is free for others in between.
   int64_t removed = 0;
-  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
-    const auto remove_one = [&](const std::string& id) {
-      return quarantine_day.empty() ? blobs_.remove(id) : blobs_.quarantine(id, quarantine_day);
-    };
-    VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, ids, remove_one));
-    removed = static_cast<int64_t>(gone.size());
-    return {};
-  });
-  VOXELD_TRY(committed);
-  return removed;
-}
-
-// Each file once; what others need too is counted all the same.
-int64_t Retention::bytes_of(const Ids& ids) {
-  const std::set<std::string> different(ids.begin(), ids.end());
-  int64_t bytes = 0;
-  for (const std::string& id : different) {
-    if (const auto blob = blobs_.stat(id)) bytes += blob->bytes;
+  for (size_t first = 0; first < ids.size(); first += kBatch) {
+    const size_t last = std::min(ids.size(), first + kBatch);
+    const Ids batch(ids.begin() + static_cast<std::ptrdiff_t>(first),
+                    ids.begin() + static_cast<std::ptrdiff_t>(last));
+    Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+      VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, batch, remove_one));
+      removed += static_cast<int64_t>(gone.size());
+      return {};
+    });
+    VOXELD_TRY(committed);
   }
-  return bytes;
+  return removed;
 }
 
 // One transaction for all that came since the last time would hold the writer for seconds, and its
@@ -233,10 +230,20 @@ Result<int64_t> Retention::expire_results_by(std::string_view column, int64_t be
   int64_t expired = 0;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto results, old_results(connection, column, before_ms, count_max));
+    // Each file once; what others need too is counted all the same.
+    std::set<std::string> counted;
+    int64_t bytes = 0;
     for (const ExpiringResult& result : results) {
+      const size_t before = ids.size();
       VOXELD_TRY(expire_result(connection, result, Expiry::kAged, ids));
       ++expired;
-      if (bytes_wanted != kAllBytes && bytes_of(ids) >= bytes_wanted) break;
+      if (ids.size() >= kIdsMax) break;
+      if (bytes_wanted == kAllBytes) continue;
+      for (size_t i = before; i < ids.size(); ++i) {
+        if (!counted.insert(ids[i]).second) continue;
+        if (const auto blob = blobs_.stat(ids[i])) bytes += blob->bytes;
+      }
+      if (bytes >= bytes_wanted) break;
     }
     return {};
   });
@@ -403,16 +410,7 @@ Result<int64_t> Retention::remove_unnamed(const Ids& ids, std::string_view quara
       if (!needed) orphans.push_back(id);
     }
   }
-  int64_t removed = 0;
-  for (size_t first = 0; first < orphans.size(); first += kBatch) {
-    const size_t last = std::min(orphans.size(), first + kBatch);
-    const auto begin = orphans.begin() + static_cast<std::ptrdiff_t>(first);
-    VOXELD_ASSIGN(
-        const int64_t gone,
-        remove(Ids(begin, orphans.begin() + static_cast<std::ptrdiff_t>(last)), quarantine_day));
-    removed += gone;
-  }
-  return removed;
+  return remove(orphans, quarantine_day);
 }
 
 }  // namespace voxeld

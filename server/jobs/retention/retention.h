@@ -78,7 +78,6 @@ class Retention {
   Result<int64_t> remove(const std::vector<std::string>& ids, std::string_view quarantine_day = {});
   Result<int64_t> remove_unnamed(const std::vector<std::string>& ids,
                                  std::string_view quarantine_day);
-  int64_t bytes_of(const std::vector<std::string>& ids);
   Database& database_;
   BlobStore& blobs_;
   Mutex mutex_;

@@ -42,6 +42,27 @@ TEST(Retry, a_busy_daemon_is_asked_again_with_the_same_body) {
   EXPECT_EQ(asked[2].body, asked[0].body);
 }
 
+TEST(Retry, a_submission_whose_response_is_lost_is_sent_again_with_the_same_key) {
+  CannedResponse lost = job_response("queued");
+  lost.cut_after = 5;
+  ScriptedServer server({lost, job_response("queued"), job_response("queued")});
+  Client client(server.url());
+  EXPECT_EQ(client.submit("voxelize", Input::of_asset("sha256-a"), {}).id, "j-1");
+  client.submit("voxelize", Input::of_asset("sha256-a"), {});
+  const auto asked = server.asked();
+  ASSERT_THAT(asked, SizeIs(3));
+  EXPECT_THAT(asked[0].header("idempotency-key"), SizeIs(32));
+  EXPECT_EQ(asked[1].header("idempotency-key"), asked[0].header("idempotency-key"));
+  EXPECT_EQ(asked[1].body, asked[0].body);
+  EXPECT_NE(asked[2].header("idempotency-key"), asked[0].header("idempotency-key"));
+}
+
+TEST(Retry, an_estimate_has_no_key) {
+  ScriptedServer server({json_response("{}")});
+  Client(server.url()).estimate_json("voxelize", Input::of_asset("sha256-a"), {});
+  EXPECT_EQ(server.asked().at(0).header("idempotency-key"), "");
+}
+
 TEST(Retry, the_pause_is_that_of_retry_after) {
   ScriptedServer server({busy(503, "1"), job_response("done")});
   Client client(server.url());
