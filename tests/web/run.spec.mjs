@@ -21,9 +21,9 @@ test("a channel that is added leaves the others", async ({ page }) => {
   const box = name => page.locator(".checks label", { hasText: name }).locator("input");
   await expect(box("Colour")).toBeChecked();
   await box("Normal").check();
-  await expect(page.locator("#commands pre")).toContainText("channels=occupancy,color,normal");
+  await expect(page.locator("#commands pre")).toContainText("channels=occupancy%2Ccolor%2Cnormal");
   await box("Colour").uncheck();
-  await expect(page.locator("#commands pre")).toContainText("channels=occupancy,normal");
+  await expect(page.locator("#commands pre")).toContainText("channels=occupancy%2Cnormal");
 });
 
 test("a job of a superseded setting is cancelled, and cancel ends the last", async ({ page }) => {
