@@ -476,8 +476,7 @@ std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string>
   return entries;
 }
 
-// Reads stdin, or a pipe that `owner` closes. A read that blocks would not notice a stop.
-// Waits until there is something to read, or the end.
+// Waits until there is something to read, or the end. A read that blocks would not notice a stop.
 void await_input(int descriptor, const std::stop_token& stop) {
   pollfd input{descriptor, POLLIN, 0};
   while (::poll(&input, 1, kStreamLookMs) <= 0) {
@@ -485,6 +484,7 @@ void await_input(int descriptor, const std::stop_token& stop) {
   }
 }
 
+// Reads stdin, or a pipe that `owner` closes.
 client::Source stream_source(int descriptor, std::shared_ptr<void> owner, const std::string& name,
                              const std::string& filename, const std::stop_token& stop) {
   // The daemon ends an upload that is silent: the connection waits until what writes has begun.

@@ -61,8 +61,8 @@ struct Settings {
   // For one exchange with the daemon (the upload, one poll of the job, the download); zero: no
   // limit.
   std::chrono::seconds timeout{0};
-  // Further tries after 429, 503 or a refused connection, and after one that broke where that makes
-  // no second upload, with a pause that doubles from 200 ms, or as long as Retry-After says, at most
+  // Further tries after 429, 503 or a refused connection, and after a broken one where the request
+  // may be repeated, with a pause that doubles from 200 ms, or as long as Retry-After says, at most
   // 10 s. An interrupted download goes on where it stopped.
   int retries = 3;
 };
