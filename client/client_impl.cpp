@@ -32,6 +32,9 @@ constexpr long long kAskedBytesMin = 64LL * 1024;
 constexpr size_t kHashedBytes = size_t{1} << 20;  // at a time
 // The time of one long poll: progress is reported at least this often.
 constexpr std::chrono::seconds kPollTime = 2s;
+// Least tries, some 30 s, of a wait for a job: it survives a restart of the daemon, and so does who
+// waits for it.
+constexpr int kWaitRetries = 8;
 // A daemon that hangs must not keep its caller from giving up.
 constexpr std::chrono::seconds kCancelTime = 10s;
 const std::string kIdempotencyKey = "Idempotency-Key: ";
@@ -336,11 +339,12 @@ HttpResponse ClientImpl::poll(HttpRequest request, std::chrono::seconds time,
   if (time > 0s) request.headers.push_back("Prefer: wait=" + std::to_string(time.count()));
   request.held = time;
   request.keep_going = [&] { return !stop.stop_requested(); };
+  const int tries = settings_.retries == 0 ? 0 : std::max(settings_.retries, kWaitRetries);
   for (int attempt = 0;; ++attempt) {
     HttpResponse response = transport_.exchange(request);
     if (stop.stop_requested()) throw interrupted();
     const bool is_away = is_busy(response) || response.failure == HttpResponse::Failure::kBroken;
-    if (is_away && attempt < settings_.retries) {
+    if (is_away && attempt < tries) {
       pause(attempt, response, stop);
       continue;
     }

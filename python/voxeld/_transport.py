@@ -18,6 +18,8 @@ from ._server import Server
 CONNECT_SECONDS = 10.0
 PAUSE_FIRST_SECONDS = 0.2  # of a pause before another try, which doubles
 PAUSE_MAX_SECONDS = 10.0
+# Least tries, some 30 s, of a wait for a job: it survives a restart of the daemon, and so does who waits for it.
+WAIT_RETRIES = 8
 PIECE_BYTES = 1 << 20  # of a body that is read at a time
 SENT_BYTES = 1 << 14  # of a body that is sent at a time, a record of TLS; a socket's timeout counts for each
 IDLE_CONNECTIONS_MAX = 8
@@ -90,6 +92,7 @@ class Transport:
         if body is not None:
             whole = body
             opener, body_bytes = (lambda: io.BytesIO(whole)), len(whole)
+        retries = max(self.retries, WAIT_RETRIES) if held > 0 and self.retries > 0 else self.retries
         attempt = 0
         while True:
             call.check()
@@ -99,7 +102,7 @@ class Transport:
                 call.check()
                 if isinstance(failure, Error) and not getattr(failure, "may_pass", False):
                     raise
-                if attempt >= self.retries:
+                if attempt >= retries:
                     raise self._unreachable(failure) from failure
                 call.pause(self._pause_seconds(attempt, None))
                 if isinstance(failure, _Broken) and method == "DELETE":
@@ -107,7 +110,7 @@ class Transport:
             else:
                 if response.status // 100 == 2 or response.status in also_good:
                     return response
-                if response.status not in (429, 503) or attempt >= self.retries:
+                if response.status not in (429, 503) or attempt >= retries:
                     raise self._problem(response)
                 call.pause(self._pause_seconds(attempt, response))
             attempt += 1

@@ -63,7 +63,8 @@ struct Settings {
   std::chrono::seconds timeout{0};
   // Further tries after 429, 503 or a refused connection, and after a broken one where the request
   // may be repeated, with a pause that doubles from 200 ms, or as long as Retry-After says, at most
-  // 10 s. An interrupted download goes on where it stopped.
+  // 10 s. A wait for a job takes at least 8 of them, some 30 s, unless this is 0. An interrupted
+  // download goes on where it stopped.
   int retries = 3;
 };
 

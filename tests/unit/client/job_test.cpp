@@ -299,12 +299,16 @@ TEST(Wait, goes_on_over_a_daemon_that_restarts_while_the_job_stands_still) {
   EXPECT_THAT(server.asked(), SizeIs(5));
 }
 
-TEST(Wait, gives_up_on_a_daemon_that_stays_away) {
-  ScriptedServer server({running(1, "\"1\""), problem_response(503, "shutting-down", "bye"),
-                         problem_response(503, "shutting-down", "bye")});
-  Client client(settings_for(server.url(), 1));
-  EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "shutting-down");
-  EXPECT_THAT(server.asked(), SizeIs(3));
+TEST(Wait, tries_at_least_eight_times_more_unless_none_is_wanted) {
+  std::vector<CannedResponse> script(
+      10, problem_response(503, "shutting-down", "bye", {"Retry-After: 0"}));
+  script.front() = running(1, "\"1\"");
+  for (const auto& [retries, asked] : {std::pair<int, size_t>{1, 10}, {0, 2}}) {
+    ScriptedServer server(script);
+    Client client(settings_for(server.url(), retries));
+    EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "shutting-down");
+    EXPECT_THAT(server.asked(), SizeIs(asked));
+  }
 }
 
 TEST(Wait, a_304_without_a_condition_is_a_bad_response) {
