@@ -13,6 +13,12 @@ namespace {
 
 constexpr int kPartNamesMax = 100;  // names that are tried for a part
 
+std::filesystem::path linked_path(const std::filesystem::path& path) {
+  std::error_code error;
+  const std::filesystem::path target = std::filesystem::read_symlink(path, error);
+  return error ? path : path.parent_path() / target;
+}
+
 }  // namespace
 
 OutputFile::OutputFile(const std::string& path) : path_(path) {
@@ -28,9 +34,9 @@ OutputFile::OutputFile(const std::string& path) : path_(path) {
   if (is_special) {
     file_ = std::fopen(path.c_str(), "wb");
   } else {
-    // A link stays a link to the file.
+    // A link stays a link to the file, also to one that is not there yet.
     const std::filesystem::path real = std::filesystem::canonical(path, error);
-    target_ = error ? std::filesystem::path(path) : real;
+    target_ = error ? linked_path(path) : real;
     // A process of this number may have left one: the first of a container always has the same.
     const std::string part = target_.string() + ".part-" + std::to_string(getpid());
     for (int i = 0; file_ == nullptr && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {

@@ -227,10 +227,10 @@ def _of_ply(mesh: pathlib.Path, names: _Names) -> None:
 
 def _of_gltf(mesh: pathlib.Path, names: _Names) -> None:
     try:
-        data = mesh.read_bytes()
-        if data.startswith(b"glTF"):  # GLB: a header of 12 bytes, length and type of the first chunk, JSON
-            data = data[20:20 + int.from_bytes(data[12:16], "little")]
-        document = json.loads(data)
+        with mesh.open("rb") as file:
+            head = file.read(20)  # of a GLB: a header of 12 bytes, length and type of the first chunk, which is JSON
+            is_glb = head.startswith(b"glTF")
+            document = json.loads(file.read(int.from_bytes(head[12:16], "little")) if is_glb else head + file.read())
     except (OSError, ValueError):
         return  # sent as it is: the daemon reports the error
     for key in ("buffers", "images"):

@@ -143,6 +143,10 @@ class CliFiles(DaemonTest):
         (self.dir / "b.vox").symlink_to("far/a.vox")
         self.assertEqual(self.voxel(mesh, "-o", self.dir / "b.vox", "--size", 8).returncode, 0)
         self.assertTrue((self.dir / "b.vox").is_symlink())
+        (self.dir / "c.vox").symlink_to("far/c.vox")  # which is not there yet
+        self.assertEqual(self.voxel(mesh, "-o", self.dir / "c.vox", "--size", 8).returncode, 0)
+        self.assertTrue((self.dir / "c.vox").is_symlink())
+        self.assertTrue((self.dir / "far/c.vox").is_file())
         self.assertTrue((self.dir / "far/a.vox").read_bytes().startswith(b"VOX "))
 
     def test_options_before_the_command_count(self):

@@ -1,6 +1,6 @@
 // Meshes that are dropped or chosen, samples, uploads.
 import { execFileSync } from "node:child_process";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { run, temporaryFolder } from "./daemon.mjs";
 import {
@@ -106,6 +106,22 @@ test("several files are one mesh, and a missing texture is named and added later
   await expect(page.locator("#card-model .warn")).toBeHidden(); // until the mesh is described again
   await expect(page.locator("#card-model")).toContainText("2 textures");
   await expect(page.locator("#card-model .warn")).toBeHidden();
+  await shown(page, 256);
+});
+
+test("a texture that is refused leaves the mesh as it was", async ({ page }) => {
+  const { textures, others } = houseFiles();
+  const another = join(temporaryFolder("web-texture"), basename(textures[0]));
+  writeFileSync(another, "no picture that the daemon knows");
+  await page.route(/\/v1\/assets\?filename=.*png/, route =>
+    route.fulfill({ status: 413, json: { code: "payload-too-large", detail: "it is too large" } }),
+  );
+  await page.goto(daemon.url);
+  await drop(page, ...others);
+  await shown(page, 256);
+  await drop(page, another);
+  await expect(page.locator("#banner")).toContainText("it is too large");
+  await expect(page.locator("#card-model .warn")).toContainText(basename(textures[0]));
   await shown(page, 256);
 });
 

@@ -216,10 +216,13 @@ export class App {
     this.#loading?.abort();
     this.#pricing?.abort();
     const loading = (this.#loading = new AbortController());
+    const before = own ? null : this.#bundle; // without the files that are added
+    const ask = (event: Event) => event.preventDefault();
     try {
       await this.#runner.stop();
       if (loading.signal.aborted) return; // another mesh has come
       this.#begin(bundle);
+      addEventListener("beforeunload", ask); // an upload would be lost
       const { asset, members } = await uploadBundle(
         this.api,
         bundle,
@@ -228,7 +231,7 @@ export class App {
           if (isKnown) this.onNote(text);
         },
         loading.signal,
-      );
+      ).finally(() => removeEventListener("beforeunload", ask));
       this.#asset = asset;
       this.#assets = [...new Set([asset.id, ...members])];
       this.#showOver("");
@@ -236,7 +239,10 @@ export class App {
     } catch (error) {
       if (this.#loading !== loading) return; // another mesh has come
       this.#showOver("");
-      if (!this.#asset) this.#close();
+      if (!this.#asset) {
+        if (before && !isAbort(error)) await this.load(before.files);
+        else this.#close();
+      }
       if (!isAbort(error)) this.onProblem(error);
     }
   }

@@ -15,19 +15,23 @@ function errorOf(name: string, message: string): Error {
 }
 
 export class Decoder {
-  readonly #worker: Worker;
+  #worker: Worker | null; // null: the last one has failed, and the next request starts another
   readonly #waiting = new Map<number, Waiting>();
   #last = 0;
-  #broken: Error | null = null; // why the worker answers no more
+  #closed: Error | null = null;
   #decoding = 0; // number of the decode that runs, or 0
 
-  constructor(workerUrl: string) {
-    this.#worker = new Worker(workerUrl, { type: "module" });
-    this.#worker.onmessage = (event: MessageEvent<Response>) => this.#receive(event.data);
-    this.#worker.onerror = (event) =>
+  constructor(private readonly workerUrl: string) {
+    this.#worker = this.#start();
+  }
+
+  #start(): Worker {
+    const worker = new Worker(this.workerUrl, { type: "module" });
+    worker.onmessage = (event: MessageEvent<Response>) => this.#receive(event.data);
+    worker.onerror = (event) =>
       this.#failAll(new Error(event.message || "the viewer's worker did not start"));
-    this.#worker.onmessageerror = () =>
-      this.#failAll(new Error("no memory for the worker's message"));
+    worker.onmessageerror = () => this.#failAll(new Error("no memory for the worker's message"));
+    return worker;
   }
 
   /**
@@ -53,19 +57,20 @@ export class Decoder {
     const waiting = this.#waiting.get(this.#decoding);
     if (!waiting) return;
     this.#waiting.delete(this.#decoding);
-    this.#worker.postMessage({ kind: "abort", id: this.#decoding } satisfies Request);
+    this.#worker?.postMessage({ kind: "abort", id: this.#decoding } satisfies Request);
     waiting.reject(errorOf("AbortError", "a later grid is shown"));
   }
 
   dispose(): void {
-    this.#failAll(errorOf("AbortError", "the viewer is closed"));
+    this.#failAll((this.#closed = errorOf("AbortError", "the viewer is closed")));
   }
 
   #ask(request: Request): Promise<Response> {
-    if (this.#broken) return Promise.reject(this.#broken);
+    if (this.#closed) return Promise.reject(this.#closed);
+    const worker = (this.#worker ??= this.#start());
     return new Promise((resolve, reject) => {
       this.#waiting.set(request.id, { resolve, reject });
-      this.#worker.postMessage(request);
+      worker.postMessage(request);
     });
   }
 
@@ -78,8 +83,8 @@ export class Decoder {
   }
 
   #failAll(error: Error): void {
-    this.#broken = error;
-    this.#worker.terminate();
+    this.#worker?.terminate();
+    this.#worker = null;
     const all = [...this.#waiting.values()];
     this.#waiting.clear();
     for (const waiting of all) waiting.reject(error);

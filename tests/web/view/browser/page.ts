@@ -241,14 +241,23 @@ const api = {
     return `${bitmap.width}x${bitmap.height} ${blob.type}`;
   },
 
-  /** Errors of two calls of a viewer whose worker is missing. */
+  /** Errors of two calls of a viewer whose worker is missing, and of one when it is there. */
   async refusalsWithoutWorker(): Promise<string[]> {
-    const other = createViewer(document.createElement("canvas"), "/missing.js")!;
+    const { Worker } = window;
+    let isMissing = true;
+    window.Worker = class extends Worker {
+      constructor(url: string | URL, options?: WorkerOptions) {
+        super(isMissing ? "/missing.js" : url, options);
+      }
+    };
+    const other = createViewer(document.createElement("canvas"), "/decode_worker.js")!;
     const refusals: string[] = [];
-    for (let i = 0; i < 2; ++i) {
+    for (let i = 0; i < 3; ++i) {
+      isMissing = i < 2;
       await other.show(new ArrayBuffer(8)).catch((error: Error) => refusals.push(error.message));
     }
     other.dispose();
+    window.Worker = Worker;
     return refusals;
   },
 
