@@ -334,17 +334,20 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   return job_info(parse_object(post_job(kind, input, options, "", stop).body));
 }
 
-HttpResponse ClientImpl::poll(HttpRequest request, std::chrono::seconds time,
+int ClientImpl::wait_retries() const {
+  return settings_.retries == 0 ? 0 : std::max(settings_.retries, kWaitRetries);
+}
+
+HttpResponse ClientImpl::poll(HttpRequest request, std::chrono::seconds time, int retries,
                               const std::stop_token& stop) {
   if (time > 0s) request.headers.push_back("Prefer: wait=" + std::to_string(time.count()));
   request.held = time;
   request.keep_going = [&] { return !stop.stop_requested(); };
-  const int tries = settings_.retries == 0 ? 0 : std::max(settings_.retries, kWaitRetries);
   for (int attempt = 0;; ++attempt) {
     HttpResponse response = transport_.exchange(request);
     if (stop.stop_requested()) throw interrupted();
     const bool is_away = is_busy(response) || response.failure == HttpResponse::Failure::kBroken;
-    if (is_away && attempt < tries) {
+    if (is_away && attempt < retries) {
       pause(attempt, response, stop);
       continue;
     }
@@ -353,12 +356,12 @@ HttpResponse ClientImpl::poll(HttpRequest request, std::chrono::seconds time,
 }
 
 HttpResponse ClientImpl::look(std::string_view job, const std::string& etag,
-                              std::chrono::seconds time, const std::stop_token& stop) {
+                              std::chrono::seconds time, int retries, const std::stop_token& stop) {
   HttpRequest request;
   request.url = url("/v1/jobs/" + std::string(job));
   // With an ETag the daemon responds at the next change; the short wait allows progress in between.
   if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
-  HttpResponse response = poll(std::move(request), time, stop);
+  HttpResponse response = poll(std::move(request), time, retries, stop);
   const bool is_unchanged =
       response.failure == HttpResponse::Failure::kNone && response.status == 304 && !etag.empty();
   if (!is_good(response) && !is_unchanged) fail(response);
@@ -369,14 +372,15 @@ HttpResponse ClientImpl::tiles(std::string_view job, std::int64_t after,
                                const std::stop_token& stop) {
   HttpRequest request;
   request.url = url("/v1/jobs/" + std::string(job) + "/tiles?after=" + std::to_string(after));
-  HttpResponse response = poll(std::move(request), kPollTime, stop);
+  HttpResponse response = poll(std::move(request), kPollTime, wait_retries(), stop);
   if (!is_good(response)) fail(response);
   return response;
 }
 
 JobInfo ClientImpl::look_for(std::string_view id, std::chrono::seconds time,
                              const std::stop_token& stop) {
-  return job_info(parse_object(look(id, "", std::min(time, kPollTime), stop).body));
+  return job_info(
+      parse_object(look(id, "", std::min(time, kPollTime), settings_.retries, stop).body));
 }
 
 HttpRequest ClientImpl::cancel_request(std::string_view id) const {
@@ -389,7 +393,14 @@ HttpRequest ClientImpl::cancel_request(std::string_view id) const {
 }
 
 JobInfo ClientImpl::cancel(std::string_view id) {
-  return job_info(parse_object(call(cancel_request(id)).body));
+  try {
+    return job_info(parse_object(call(cancel_request(id)).body));
+  } catch (const Error& error) {
+    if (error.code() != "interrupted") throw;
+    throw Error("timeout", 0,
+                settings_.url + ": no response to the cancellation in " +
+                    std::to_string(kCancelTime.count()) + " s");
+  }
 }
 
 JobInfo ClientImpl::wait_end(std::string_view id, const ProgressCallback& progress,
@@ -397,7 +408,7 @@ JobInfo ClientImpl::wait_end(std::string_view id, const ProgressCallback& progre
   std::string etag;
   JobInfo info;
   do {
-    const HttpResponse response = look(id, etag, kPollTime, stop);
+    const HttpResponse response = look(id, etag, kPollTime, wait_retries(), stop);
     if (response.status != 304) {
       etag = header_of(response, "etag");
       info = job_info(parse_object(response.body));

@@ -78,10 +78,13 @@ class ClientImpl {
   [[noreturn]] void fail(const HttpResponse& response) const;
   // One poll that the daemon holds for so long. Repeated while the daemon is away: a restarted one
   // still has its jobs.
-  HttpResponse poll(HttpRequest request, std::chrono::seconds time, const std::stop_token& stop);
+  HttpResponse poll(HttpRequest request, std::chrono::seconds time, int retries,
+                    const std::stop_token& stop);
   // The state of a job. Status 304: nothing changed since `etag`.
   HttpResponse look(std::string_view job, const std::string& etag, std::chrono::seconds time,
-                    const std::stop_token& stop);
+                    int retries, const std::stop_token& stop);
+  // Further tries of a wait that has no end of its own.
+  int wait_retries() const;
   void pause(int attempt, const HttpResponse& response, const std::stop_token& stop) const;
 
   Settings settings_;

@@ -367,7 +367,6 @@ class Animation(_JobStream):
     def __iter__(self) -> Generator[Frame, None, None]:
         """Raises the error of the job behind the last frame that was finished."""
         if json_options(self._selection).get("crop") == "yes":
-            self.cancel()
             raise error("invalid-option", "crop", expected="save() or render(), once the box of all frames is known",
                         got="iteration over frames as they come")
         seen = -1

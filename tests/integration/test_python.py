@@ -474,9 +474,9 @@ class Animations(PythonTest):
         animation.save(self.dir / "half.npy")
         self.assertEqual(np.load(self.dir / "half.npy").shape[1:], frames[1].dims[::-1])
         cropped = self.client.animate(self.fixtures / "spin.glb", fps=4, size=16, padding=4, crop=True)
+        self.problem(voxeld.BadInput, "invalid-option", "crop", of=lambda: list(cropped))
         cropped.save(self.dir / "box.npy")
         self.assertLess(max(np.load(self.dir / "box.npy").shape[1:]), 16)
-        self.problem(voxeld.BadInput, "invalid-option", "crop", of=lambda: list(cropped))
 
     def test_an_animation_is_saved_and_rendered_as_a_whole(self):
         animation = self.client.animate(self.fixtures / "spin.glb", fps=4, size=16)

@@ -99,6 +99,13 @@ void take_selection(const JobInfo& job, client::Options& options) {
   const auto status = parsed(job.json);
   const auto given = status.find("options");
   if (given == status.end()) return;
+  // The container of a selection is stored as the job's grid.
+  const bool is_stored = job.sequence.empty() && given->value("format", "") == "native" &&
+                         given->value("codec", "") == "fast";
+  if (is_stored) return;
+  // Frames of an exported sequence; those of a mesh's animation are all that its sequence has.
+  const auto frames = given->find("frames");
+  if (job.kind == "export" && frames != given->end()) options.set("frames", option_text(*frames));
   for (const std::string_view name : kSelecting) {
     const auto value = given->find(name);
     if (value != given->end()) options.set(std::string(name), option_text(*value));

@@ -522,19 +522,19 @@ export class App {
       }
       return false;
     };
-    try {
-      for (const id of jobs) {
-        const path = `/v1/jobs/${id}/result`;
-        if (!(await keeps(path))) continue;
-        // A job that is being cancelled may have frames yet.
-        for await (const _ of this.api.events(id, AbortSignal.timeout(CANCEL_MS_MAX)));
-        await keeps(path);
-      }
-      for (const id of assets) await keeps(`/v1/assets/${id}`);
-      this.onNote(t(T.removed, { name }));
-    } catch (error) {
-      if (!isAbort(error)) this.onProblem(error);
-    }
+    const remove = async (id: string): Promise<void> => {
+      const path = `/v1/jobs/${id}/result`;
+      if (!(await keeps(path))) return;
+      // A job that is being cancelled may have frames yet.
+      for await (const _ of this.api.events(id, AbortSignal.timeout(CANCEL_MS_MAX)));
+      await keeps(path);
+    };
+    let failure: unknown = null; // what remains must not keep the rest
+    const tried = (done: Promise<unknown>) => done.catch(error => (failure ??= error));
+    for (const id of jobs) await tried(remove(id));
+    for (const id of assets) await tried(keeps(`/v1/assets/${id}`));
+    if (!failure) this.onNote(t(T.removed, { name }));
+    else if (!isAbort(failure)) this.onProblem(failure);
   }
 
   /** Back to the start. */

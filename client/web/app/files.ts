@@ -52,7 +52,7 @@ function isMesh(file: NamedFile): boolean {
 
 // Whether files of the mesh's format may name others.
 function hasCompanions(mesh: NamedFile): boolean {
-  return ["md5mesh", "gltf", "obj", "ply"].includes(extensionOf(mesh.name));
+  return ["md5mesh", "gltf", "glb", "obj", "ply"].includes(extensionOf(mesh.name));
 }
 
 function isCompanion(file: NamedFile): boolean {

@@ -352,6 +352,9 @@ export class Take {
     if (viewer && (channel || section.box || camera.pan.some(value => value !== 0))) {
       blob = await viewer.image(width, height, this.#transparent.checked);
     } else {
+      // A grid that could not be shown has its picture all the same.
+      const { grid, sequence } = this.#source?.job.result ?? {};
+      const path = grid && !sequence ? `/v1/grids/${grid}` : this.stage.path;
       const query = new URLSearchParams({
         width: String(width),
         height: String(height),
@@ -359,7 +362,7 @@ export class Take {
         ...(this.#transparent.checked ? { background: "transparent" } : {}),
       });
       blob = await (
-        await this.api.request(`${this.stage.path}/render.png?${query}`, { signal })
+        await this.api.request(`${path}/render.png?${query}`, { signal })
       ).blob();
     }
     saveBlob(blob, name);

@@ -96,7 +96,7 @@ void WorkerWatch::look_at_all(const std::vector<Measured>& all) const {
                        memory_text(limits_.all_memory_bytes_max) + "; this one took " +
                        memory_text(first->bytes) + " and had asked for " +
                        memory_text(first->worker->asked_bytes),
-                   busy <= 1);
+                   busy <= 1 || first->bytes > limits_.all_memory_bytes_max);
 }
 
 }  // namespace voxeld

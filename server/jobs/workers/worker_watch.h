@@ -43,7 +43,7 @@ class WorkerWatch {
     // The worker must be ended, and its job fails with this error.
     std::function<void(const WatchedWorker&, const Error&)> condemned;
     // The worker must be ended, because all workers together exceed the limit and this one exceeds
-    // its request the most. Its job is retried; the attempt counts if no other job ran (is_alone).
+    // its request the most. Its job is retried; the attempt counts if it exceeds the limit alone.
     std::function<void(const WatchedWorker&, const std::string& reason, bool is_alone)> displaced;
     // The worker gives no sign of life: others have the device. Each period, until it does.
     std::function<void(const WatchedWorker&)> silent;

@@ -88,7 +88,10 @@ TEST(WorkerWatch, over_the_total_the_worker_furthest_beyond_its_request_is_ended
   for (const Displaced& one : told) EXPECT_EQ(one.task, "reads") << "one at each look";
   EXPECT_TRUE(told[0].reason.starts_with("memory of all workers: ")) << told[0].reason;
   EXPECT_TRUE(told[0].reason.ends_with(" and had asked for 0 MB")) << told[0].reason;
-  EXPECT_FALSE(told[0].is_alone);
+  EXPECT_TRUE(told[0].is_alone) << "it exceeds the total by itself";
+  const auto together = displaced({.all_memory_bytes_max = 5 * private_bytes(pid) / 2}, workers);
+  ASSERT_FALSE(together.empty());
+  EXPECT_FALSE(together[0].is_alone);
   EXPECT_TRUE(displaced({.all_memory_bytes_max = kMuch}, workers).empty());
   EXPECT_TRUE(displaced({}, workers).empty());
 }
