@@ -1,5 +1,5 @@
-"""Types of the page's scripts, and the page in Debian's Chromium (*.spec.mjs, by Playwright). Packages are those of
-package-lock.json; VOXELD_WEB_WORK_DIR is the folder that uses them. No browser is downloaded."""
+"""The page's build and the types of its scripts; the page in Debian's Chromium (*.spec.mjs, by Playwright). Packages
+are those of package-lock.json; VOXELD_WEB_WORK_DIR is the folder that uses them. No browser is downloaded."""
 import os
 import pathlib
 import shutil
@@ -20,7 +20,24 @@ from harness import BIN  # noqa: E402
 WORK = pathlib.Path(os.environ.get("VOXELD_WEB_WORK_DIR", ROOT / "build/dev/tests/web/work"))
 
 
+def node(*arguments, seconds, **environment):
+    """The output of a script of Node in WORK. Its status has to be 0."""
+    with subprocess.Popen(["node", *arguments], cwd=WORK, env={**os.environ, **environment}, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True) as process:
+        try:
+            said, _ = process.communicate(timeout=seconds)
+        except BaseException:
+            os.killpg(process.pid, signal.SIGKILL)  # its browsers and daemons too
+            raise
+    assert process.returncode == 0, said[-6000:]
+    return said
+
+
 class Build(unittest.TestCase):
+    def test_the_scripts_have_strict_types(self):
+        npm_packages.prepare(HERE, WORK)
+        node("node_modules/typescript/bin/tsc", "--project", str(HERE), seconds=600)
+
     def test_the_shortened_shader_is_valid_in_every_variant(self):
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
@@ -51,29 +68,15 @@ class Browser(unittest.TestCase):
         for path in HERE.glob("*.mjs"):
             shutil.copyfile(path, WORK / path.name)
 
-    def node(self, *arguments, seconds, **environment):
-        with subprocess.Popen(["node", *arguments], cwd=WORK, env={**os.environ, **environment}, text=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True) as process:
-            try:
-                said, _ = process.communicate(timeout=seconds)
-            except BaseException:
-                os.killpg(process.pid, signal.SIGKILL)  # its browsers and daemons too
-                raise
-        self.assertEqual(process.returncode, 0, said[-6000:])
-        return said
-
-    def test_the_scripts_have_strict_types(self):
-        self.node("node_modules/typescript/bin/tsc", "--project", str(HERE), seconds=600)
-
     def test_the_page_in_chromium(self):
         self.assertIsNotNone(shutil.which("chromium-headless-shell"),
                              "Chromium missing; Debian: apt-get install chromium-headless-shell")
         # Caches of shaders and fonts are those of this run alone, and what is left goes with the folder. The name is
         # short because paths of sockets have a limit.
         with tempfile.TemporaryDirectory(prefix="web-") as folder:
-            print(self.node("node_modules/@playwright/test/cli.js", "test", seconds=7000,
-                            VOXELD_BIN_DIR=str(BIN.resolve()), VOXELD_ROOT_DIR=str(ROOT), TMPDIR=folder, HOME=folder,
-                            XDG_CACHE_HOME=f"{folder}/cache", XDG_CONFIG_HOME=f"{folder}/config"))
+            print(node("node_modules/@playwright/test/cli.js", "test", seconds=7000,
+                       VOXELD_BIN_DIR=str(BIN.resolve()), VOXELD_ROOT_DIR=str(ROOT), TMPDIR=folder, HOME=folder,
+                       XDG_CACHE_HOME=f"{folder}/cache", XDG_CONFIG_HOME=f"{folder}/config"))
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "tests/gpu/voxel/pipelines.h"
+#include "tests/unit/long_form.h"
 
 namespace voxeld::pipelines {
 namespace {
@@ -158,8 +159,10 @@ TEST(Attributes, textures_of_any_size_and_wrapping_are_the_same_in_all_pipelines
   const auto color_at = [](int x, int y) {
     return Color{(37 * x + 11 * y) & 255, (x * y) & 255, (5 * x) & 255, (255 - 3 * y) & 255};
   };
+  using Size = std::pair<int, int>;
   for (const Wrap wrap : {Wrap::kRepeat, Wrap::kClamp, Wrap::kMirror}) {
-    for (const auto& [width, height] : {std::pair{1, 1}, {3, 5}, {64, 7}, {200, 131}}) {
+    for (const auto& [width, height] :
+         by_form<Size>({{1, 1}, {200, 131}}, {{1, 1}, {3, 5}, {64, 7}, {200, 131}})) {
       Scene scene = textured_square(40, image_of(width, height, color_at), 2.7);
       scene.materials[0].wrap_u = scene.materials[0].wrap_v = wrap;
       scene.parts[0].uvs[0] += glm::vec2(-3.3f, 0.4f);

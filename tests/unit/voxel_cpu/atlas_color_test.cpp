@@ -444,12 +444,15 @@ Result<Scene> real_scene(const std::string& folder, const std::string& mesh) {
 TEST(AtlasColor, real_textured_meshes_have_the_colours_of_their_surface) {
   const char* data = std::getenv("VOXELD_DATA_DIR");
   if (data == nullptr) GTEST_SKIP() << "VOXELD_DATA_DIR is not set: no real meshes";
-  for (const auto& [folder, mesh] : {std::pair{"/gltf", "Duck.glb"},
+  using Mesh = std::pair<const char*, const char*>;
+  const Mesh fox{"/gltf/Fox", "Fox.gltf"}, spider{"/obj/spider", "spider.obj"};
+  for (const auto& [folder, mesh] :
+       by_form<Mesh>({fox, spider}, {fox,
+                                     spider,
+                                     {"/gltf", "Duck.glb"},
                                      {"/gltf", "CesiumMan.glb"},
-                                     {"/gltf/Fox", "Fox.gltf"},
                                      {"/md5/bob", "Bob.md5mesh"},
-                                     {"/obj/spot", "spot_triangulated.obj"},
-                                     {"/obj/spider", "spider.obj"}}) {
+                                     {"/obj/spot", "spot_triangulated.obj"}})) {
     const auto scene = real_scene(std::string(data) + folder, mesh);
     ASSERT_TRUE(scene.ok()) << scene.error().message();
     ASSERT_FALSE(scene->images.empty()) << mesh;

@@ -354,6 +354,7 @@ TEST(Fill, the_daemon_keeps_its_voxelizer_from_one_fill_to_the_next) {
   for (const Sign sign : {Sign::kAuto, Sign::kParity, Sign::kWinding}) {
     VoxelizeOptions options = solid(sign);
     for (const int size : {270, 50}) {
+      if (size == 270 && sign != Sign::kAuto) continue;  // kAuto takes each pass
       options.placement.size = size;
       for (const Scene* scene : {&open, &closed}) {
         const auto grid = voxelizer.voxelize(*scene, options, {}, nullptr);
