@@ -256,7 +256,8 @@ std::vector<Option> animation_options() {
        .form = "A..B | N",
        .codec = frames(),
        .help = "frames of the animation or sequence, from 0, the last included",
-       .details = "Frame k of an animation is at time k / `fps`.",
+       .details = "Frame k of an animation is at time k / `fps`. One grid has none: requests for a "
+                  "stored grid refuse it.",
        .default_words = "all",
        .scopes = kAll},
       {.name = "fps",

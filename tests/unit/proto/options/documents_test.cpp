@@ -73,6 +73,16 @@ std::string scope_names(const Option& option) {
   return names;
 }
 
+// The requests that take the option and not the first one of its group.
+std::string other_scope_names(const Option& option, const Option& first) {
+  std::string names;
+  for (const auto& [scope, name] : kScopes) {
+    if (!option.applies_to(scope) || first.applies_to(scope)) continue;
+    names += (names.empty() ? "" : ", ") + std::string(name);
+  }
+  return names;
+}
+
 std::string cell_of_values(const Option& option) {
   const std::string range = range_text(option);
   if (!range.empty()) return range;
@@ -97,8 +107,8 @@ Lines tables() {
     for (const Option& option : option_table()) {
       if (option.group != group) continue;
       std::string text = description(option);
-      if (option.scopes.size() != first.scopes.size()) {
-        text = sentence(text) + " Taken by " + scope_names(option) + ".";
+      if (const std::string others = other_scope_names(option, first); !others.empty()) {
+        text = sentence(text) + " Taken by " + others + ", too.";
       }
       lines.push_back("| `" + std::string(option.name) + "` | " + cell_of_values(option) + " | " +
                       cell_of_default(option) + " | " + replaced(text, "|", "\\|") + " |");
