@@ -8,10 +8,14 @@
 
 namespace voxeld {
 
+// The largest table: the march on the CPU numbers its words in signed 32 bits.
+inline constexpr size_t kDrawnTableBytesMax = (size_t{1} << 31) * sizeof(uint32_t);
+
 // Memory limits of one render.
 struct ImageLimits {
   size_t bytes_max = size_t{768} << 20;  // for tiles and the renderer's tables
-  size_t table_bytes_max = SIZE_MAX;     // for each single table; see Renderer::table_bytes_max()
+  // For each single table; see Renderer::table_bytes_max().
+  size_t table_bytes_max = kDrawnTableBytesMax;
 };
 
 // Bytes of a brick in the renderer's largest table.

@@ -13,6 +13,7 @@
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/base/pieces.h"
+#include "server/render/drawing_cost.h"
 #include "server/render/hull.h"
 #include "server/render/mean_voxel.h"
 #include "shaders/shared/raymarch.h"
@@ -27,6 +28,7 @@ static_assert(std::endian::native == std::endian::little, "colours are copied as
 constexpr int kBlocksPerSide = 1 << (RAYMARCH_TILE_SHIFT - RAYMARCH_BLOCK_SHIFT);
 constexpr int kBricksPerSide = 1 << (RAYMARCH_BLOCK_SHIFT - RAYMARCH_BRICK_SHIFT);
 constexpr size_t kEntriesMax = RAYMARCH_FULL;
+constexpr size_t kBricksMax = kDrawnTableBytesMax / kDrawnBrickBytes;  // 107,374,182
 
 size_t linear_index(const glm::ivec3& p, const glm::ivec3& dims) {
   return static_cast<size_t>(p.x) +
@@ -112,7 +114,8 @@ class Packer {
  private:
   static Error too_large(const std::string& what, uint64_t count) {
     return Error{ErrorCode::kGridTooLarge, "the grid has too many " + what + " to render",
-                 "fewer than 2^30 bricks and table entries, and 2^32 voxels",
+                 "at most " + std::to_string(kBricksMax) +
+                     " bricks, fewer than 2^30 table entries and 2^32 voxels",
                  std::to_string(count)};
   }
 
@@ -137,7 +140,7 @@ class Packer {
       colors += ids_ ? id_samples(tile, *ids_).size() : tile.color.size() / 4;
       normals += tile.normal.size() / 3;
     }
-    if (bricks >= kEntriesMax) return too_large("bricks", bricks);
+    if (bricks > kBricksMax) return too_large("bricks", bricks);
     if (std::max(colors, normals) > std::numeric_limits<uint32_t>::max()) {
       return too_large("voxels", std::max(colors, normals));
     }

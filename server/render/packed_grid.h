@@ -33,8 +33,8 @@ struct PackedGrid {
 
 // Packs a grid. A grid with labels or materials but no colours gets a colour for each id:
 // id_color(). Memory grows with the occupied bricks, not with the grid's volume. Errors:
-// grid-too-large if 2^32 voxels or more have attributes, or a table would need 2^30 entries or
-// more. Has cancellation points.
+// grid-too-large if 2^32 voxels or more have attributes, the table of bricks would exceed
+// kDrawnTableBytesMax, or that of nodes would need 2^30 entries or more. Has cancellation points.
 Result<PackedGrid> pack_grid(const Grid& grid);
 
 }  // namespace voxeld

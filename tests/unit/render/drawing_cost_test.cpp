@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+
 #include "proto/limits.h"
 #include "server/grid/tile_source.h"
 #include "server/render/packed_grid.h"
@@ -45,6 +47,19 @@ TEST(DrawingCost, is_not_less_than_the_tables_of_scattered_bricks) {
   cost.add(grid.tiles[0]);
   EXPECT_TRUE(cost.fits({.table_bytes_max = entries * sizeof(uint32_t)}));
   EXPECT_FALSE(cost.fits({.table_bytes_max = entries * sizeof(uint32_t) - 1}));
+}
+
+// The march on the CPU multiplies the number of a brick by its 20 words in signed 32 bits.
+TEST(DrawingCost, of_more_than_107_million_bricks_never_fits) {
+  SparseTile tile;
+  for (uint32_t brick = 0; brick < 32768; ++brick) tile.brick_morton.push_back(brick);
+  tile.masks.resize(tile.brick_morton.size());
+  const ImageLimits all_memory{.bytes_max = SIZE_MAX};
+  DrawingCost cost;
+  for (int i = 0; i < 3276; ++i) cost.add(tile);  // 107,347,968 bricks
+  EXPECT_TRUE(cost.fits(all_memory));
+  cost.add(tile);
+  EXPECT_FALSE(cost.fits(all_memory));
 }
 
 }  // namespace
