@@ -131,6 +131,15 @@ size_t GlRenderer::table_bytes_max() const {
   return static_cast<size_t>(impl_->context.info().ssbo_bytes_max);
 }
 
+size_t GlRenderer::device_bytes() const {
+  size_t bytes = 0;
+  for (const gpu::Buffer* table :
+       {&impl_->nodes, &impl_->bricks, &impl_->colors, &impl_->normals}) {
+    bytes += table->size_bytes();
+  }
+  return bytes;
+}
+
 Result<int> GlRenderer::Impl::samples_per_side(const RenderOptions& options) const {
   const int64_t loop_max = context.info().loop_iterations_max;
   const int64_t steps = looks_of(options) * (ray_steps_max(grid) + int64_t{kShadingSteps});

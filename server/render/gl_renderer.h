@@ -18,6 +18,7 @@ class GlRenderer final : public Renderer {
 
   Status set_grid(const Grid& grid) override;
   size_t table_bytes_max() const override;
+  size_t device_bytes() const override;
   Result<RenderImage> render(const RenderOptions& options, const BlockProgress& progress) override;
   void set_quality(const RenderQuality& quality) override;
   Result<std::vector<Hit>> render_hits(const RenderOptions& options) override;

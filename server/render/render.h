@@ -52,6 +52,8 @@ class Renderer {
   virtual Status set_grid(const Grid& grid) = 0;
   // The largest size of one of a grid's tables; SIZE_MAX if memory alone is the limit.
   virtual size_t table_bytes_max() const { return SIZE_MAX; }
+  // The device memory of the grid that it keeps.
+  virtual size_t device_bytes() const { return 0; }
   // Renders an image. Without a grid, or with an empty one, it shows the background. Voxels are
   // drawn opaque, whatever their alpha. Errors: cancelled if `progress` returns false,
   // invalid-option if the matrix cannot be inverted, internal and device-unavailable with the

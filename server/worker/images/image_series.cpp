@@ -61,7 +61,10 @@ Result<RenderImage> render_image(TaskRun& run, const LoadedGrid& grid, const std
     VOXELD_ASSIGN(by, run.engine.choose_renderer(RendererChoice::kCpu));
     image = render_by(run, by, grid, grid_key, options);
   }
-  add_meta(run, {{"drawn_by", by.name}});
+  const int64_t before = run.meta.value("device_bytes_peak", int64_t{0});  // of the voxelizer
+  add_meta(run, {{"drawn_by", by.name},
+                 {"device_bytes_peak",
+                  std::max(before, static_cast<int64_t>(by.renderer->device_bytes()))}});
   return image;
 }
 
@@ -133,7 +136,8 @@ Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& contain
 
 Result<RenderImage> take_image(TaskRun& run, const DrawnInput& input, const std::string& key,
                                const RequestOptions& options) {
-  expect_bytes(run, image_bytes(run.engine, input.tiles(), options.render));
+  expect_bytes(run, image_bytes(run.engine, input.tiles(), options.render),
+               image_device_bytes(run.engine, input.tiles(), options.render));
   VOXELD_ASSIGN(const ImageGrid drawn, image_grid(run, input.tiles(), key, input.whole, options));
   return render_image(run, *drawn.grid, drawn.key, drawn.options);
 }

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "server/base/sha256.h"
+#include "server/worker/grids/host_estimate.h"
 #include "tests/unit/worker/fake_gateway.h"
 #include "tests/unit/worker/task_completion.h"
 
@@ -127,10 +128,30 @@ TEST_F(RunTaskTest, an_image_names_its_renderer) {
   const auto by_gl = image("gl");
   ASSERT_EQ(by_gl.ok(), has_gl());
   if (has_gl()) {
-    EXPECT_EQ(json::parse(by_gl->meta_json)["drawn_by"], "gl");
+    const json meta = json::parse(by_gl->meta_json);
+    EXPECT_EQ(meta["drawn_by"], "gl");
+    EXPECT_GT(meta["device_bytes_peak"].get<int64_t>(), 0);
   } else {
     EXPECT_EQ(by_gl.error().code, ErrorCode::kUnsupportedFeature);
   }
+}
+
+TEST_F(RunTaskTest, an_image_by_gl_asks_for_memory_of_the_device) {
+  Grid grid;
+  grid.spec.dims = {8, 8, 8};
+  grid.tiles.emplace_back().brick_morton = {0};
+  grid.tiles[0].masks.emplace_back().words[0] = 1;
+  const GridTiles source(grid);
+  RenderOptions options;
+  options.renderer = RendererChoice::kCpu;
+  EXPECT_EQ(image_device_bytes(engine(), source, options), 0);
+  options.renderer = RendererChoice::kGl;
+  const auto by = engine().choose_renderer(options.renderer);
+  if (!has_gl()) return;
+  engine().cache = {};
+  ASSERT_TRUE(by->renderer->set_grid(grid).ok());
+  EXPECT_GE(image_device_bytes(engine(), source, options),
+            static_cast<int64_t>(by->renderer->device_bytes()));
 }
 
 TEST_F(RunTaskTest, a_native_result_is_the_grid_itself) {
