@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 12;
+inline constexpr int kAlgorithmVersion = 13;
 }  // namespace voxeld

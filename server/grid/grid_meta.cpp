@@ -12,6 +12,8 @@ using nlohmann::json;
 
 namespace {
 
+constexpr const char* kBandVoxels = "band_voxels";
+
 // The member if it is there and of the type of `absent`.
 template <typename T>
 T member(const json& object, const char* name, T absent) {
@@ -56,6 +58,21 @@ bool GridMeta::is_band() const {
   return options != members_->end() && options->is_object() &&
          member(*options, "fill", std::string()) ==
              option_values::word_of<Fill>(Fill::kBand, option_words::kFill);
+}
+
+double GridMeta::band_voxels() const {
+  constexpr double kLeast = 1;  // of the option
+  if (const auto own = members_->find(kBandVoxels); own != members_->end() && own->is_number()) {
+    return own->get<double>();
+  }
+  if (!is_band()) return 0;
+  const json& options = members_->at("options");
+  const auto thickness = options.find("thickness");
+  return thickness != options.end() && thickness->is_number() ? thickness->get<double>() : kLeast;
+}
+
+GridMeta GridMeta::with_band_voxels(double thickness) const {
+  return with({{kBandVoxels, thickness}});
 }
 
 bool GridMeta::has_world_distances() const {

@@ -27,6 +27,13 @@ class GridMeta {
   std::string content_hash() const;  // empty: unknown
   int algorithm_version() const;     // of the program that made the voxels; 0: unknown
   bool is_band() const;              // only the voxels near the surface have distances
+  // The thickness of a band to each side, in voxels of this grid; 0 if dilate, erode or hollow
+  // changed it.
+  double band_voxels() const;
+  GridMeta with_band_voxels(double thickness) const;
+  // Whether no surface is between the centres of two neighbours of which one has no voxel, so that
+  // it has the sign of the other's distance: in a band of at least one voxel to each side.
+  bool tells_sides() const { return is_band() && band_voxels() >= 1; }
   bool has_world_distances() const;  // rather than distances in voxels
   bool operator==(const GridMeta& other) const { return *members_ == *other.members_; }
 

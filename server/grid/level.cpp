@@ -30,6 +30,12 @@ uint32_t first_code(const TileCoord& coord, int level) {
   return morton_encode(cell[0], cell[1], cell[2]);
 }
 
+// The thickness of a band in voxels of the level. By majority its rim may be half a voxel nearer.
+double level_band_voxels(double thickness, int level, LevelRule rule) {
+  const double voxels = std::ldexp(thickness, -level);
+  return rule == LevelRule::kAny ? voxels : std::max(0.0, voxels - 0.5);
+}
+
 }  // namespace
 
 // The contribution of one source tile.
@@ -57,7 +63,10 @@ LevelTiles::LevelTiles(const TileSource& source, int level, LevelRule rule)
   const Grid& grid = source.grid();
   grid_.spec = level_spec(grid.spec, level);
   grid_.channels = grid.channels;
-  grid_.meta = grid.meta;
+  grid_.meta =
+      grid.meta.is_band()
+          ? grid.meta.with_band_voxels(level_band_voxels(grid.meta.band_voxels(), level, rule))
+          : grid.meta;
   // Source tiles under one tile are consecutive in Morton order.
   for (size_t i = 0; i < source.coords().size(); ++i) {
     TileCoord coord = source.coords()[i];

@@ -32,6 +32,7 @@ uint16_t IdCounts::most_frequent() const {
 void LevelSums::add(const VoxelValues& values) {
   ++valued;
   distance += values.distance;
+  is_measured |= values.distance != 0;
   coverage += values.coverage;
   materials.add(values.material);
   labels.add(values.label);
@@ -54,6 +55,7 @@ void LevelSums::add(const LevelSums& other) {
   directed += other.directed;
   valued += other.valued;
   distance += other.distance;
+  is_measured |= other.is_measured;
   coverage += other.coverage;
   materials.add(other.materials);
   labels.add(other.labels);
@@ -72,6 +74,8 @@ VoxelValues LevelSums::mean(int level) const {
     const double count = static_cast<double>(valued);
     const double steps = std::ldexp(static_cast<double>(distance) / count, -level);
     values.distance = static_cast<int16_t>(std::floor(steps + 0.5));
+    // 0 has no sign.
+    if (values.distance == 0 && is_measured) values.distance = distance < 0 ? -1 : 1;
     values.material = materials.most_frequent();
     values.label = labels.most_frequent();
   }

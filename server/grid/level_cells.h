@@ -34,17 +34,18 @@ struct LevelSums {
   uint64_t directed = 0;            // those with a normal
   std::array<uint64_t, 4> color{};  // R, G, B as 16-bit linear light times A, and A
   std::array<int64_t, 3> normal{};
-  uint64_t valued = 0;    // those with attributes of any kind
-  int64_t distance = 0;   // over valued cells
-  uint64_t coverage = 0;  // over valued cells
+  uint64_t valued = 0;       // those with attributes of any kind
+  int64_t distance = 0;      // over valued cells
+  bool is_measured = false;  // any has a distance, which is never 0
+  uint64_t coverage = 0;     // over valued cells
   IdCounts materials, labels;
 
   void add(const VoxelValues& values);
   void add(const LevelSums& other);
   // The values of the voxel: mean colour in linear light, rounded as in server/voxel/README.md; the
   // direction of the mean normal, or none if that is shorter than a thousandth; the most frequent
-  // id that is not 0 (the lowest of equals); mean distance, in voxels of the level, and mean
-  // coverage.
+  // id that is not 0 (the lowest of equals); mean distance, in voxels of the level, 1 step at the
+  // least; and mean coverage.
   VoxelValues mean(int level) const;
 };
 

@@ -169,6 +169,34 @@ class Fills(DaemonTest):
         off = np.sqrt(zero**2 + y[..., :-1][at] ** 2 + z[..., :-1][at] ** 2) - radius
         self.assertLess(np.abs(off).max(), 0.015)
 
+    def test_levels_and_parts_of_a_band_tell_sides_or_nothing(self):
+        radius = 28.0
+        mesh = sphere_stl(120, 60, radius)
+        query = "/v1/voxelize?voxel_size=1&padding=6&fill=band&format=npz&filename=s.stl"
+        grid = self.daemon.post(query, mesh).headers["X-Voxeld-Grid"]
+
+        def sides(query, of=grid):
+            """Of the cells without voxels: the part that is as the sphere says, and the part that is unknown."""
+            response = self.daemon.get(f"/v1/grids/{of}?format=npz&{query}")
+            self.assertEqual(response.status, 200, response.body)
+            made = np.load(io.BytesIO(response.body))
+            field, size, origin = made["distance"], made["voxel_size"][0], made["origin"]
+            z, y, x = (np.indices(field.shape) + 0.5) * size + origin[::-1].reshape(3, 1, 1, 1)
+            is_inside = x * x + y * y + z * z < radius * radius
+            beside = made["occupancy"] == 0
+            right = (field < 0) == is_inside
+            meta = json.loads(response.headers["X-Voxeld-Meta"])
+            return right[beside].mean(), np.isnan(field[beside]).mean(), meta.get("band_voxels")
+
+        self.assertEqual(sides("level=1"), (1, 0, 1.5))
+        self.assertEqual(sides("region=0,0,0,20,34,68"), (1, 0, None))
+        for query, voxels in (("level=2", 0.75), ("level=3", 0.375), ("level=1&level_rule=majority&hollow=1", 0),
+                              ("hollow=1", 0), ("erode=1", 0), ("region=30,30,30,38,38,38", None)):
+            self.assertEqual(sides(query)[1:], (1, voxels), query)
+        half = self.daemon.get(f"/v1/grids/{grid}?level=1").headers["X-Voxeld-Grid"]
+        self.assertEqual(sides("level=0", half)[1], 0)
+        self.assertEqual(sides("level=1", half)[1:], (1, 0.75))
+
     def test_surfaces_and_solids_have_distances_where_they_are_asked_for(self):
         query = "size=20&padding=2&format=npz&filename=box.off&channels=distance"
         for fill in ("surface", "solid", "shell"):

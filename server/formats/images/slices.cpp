@@ -98,11 +98,16 @@ void to_normal_pixels(std::span<const uint8_t> samples, uint8_t* out) {
   }
 }
 
-// Distances are whole steps. In world units floats round them by less than half a step.
+// Distances are whole steps. In world units floats round them by less than half a step. 0, which no
+// distance is: a cell beside a band that does not tell its side.
 void to_distance_pixels(std::span<const uint8_t> samples, double unit, uint8_t* out) {
   for (size_t at = 0; at < samples.size(); at += sizeof(float), out += 2) {
     float distance = 0;
     std::memcpy(&distance, &samples[at], sizeof distance);
+    if (std::isnan(distance)) {
+      put_big_endian(out, 0);
+      continue;
+    }
     const auto steps = static_cast<int>(std::lround(distance / unit * kDistanceSteps));
     put_big_endian(out, std::clamp(kZeroDistance + steps, 0, int{UINT16_MAX}));
   }

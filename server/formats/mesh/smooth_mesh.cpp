@@ -34,11 +34,11 @@ std::string fill_of(const GridMeta& meta) {
   return fill != options->end() && fill->is_string() ? fill->get<std::string>() : "";
 }
 
-// The channel that decides which cells are inside. Only bands and solids tell on which side a cell
+// The channel that decides which cells are inside. Bands and solids tell on which side a cell
 // without a voxel is.
 Inside inside_of(const Grid& grid) {
   const std::string fill = fill_of(grid.meta);
-  if (grid.channels.distance && fill == "band") return Inside::kNegativeInBand;
+  if (grid.channels.distance && grid.meta.tells_sides()) return Inside::kNegativeInBand;
   if (grid.channels.distance && fill == "solid") return Inside::kNegative;
   if (grid.channels.coverage && fill == "solid") return Inside::kCovered;
   return Inside::kOccupied;

@@ -57,7 +57,7 @@ DenseArray::DenseArray(const Grid& grid, std::optional<Channel> channel,
       fill_with(writer, piece, bytes);
     };
     if constexpr (requires { writer.inside; }) {
-      if (grid.meta.is_band()) make_band(-writer.inside);
+      if (grid.meta.tells_sides()) make_band(-writer.inside);
     }
   });
 }

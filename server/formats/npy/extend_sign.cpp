@@ -47,10 +47,7 @@ class SignExtension {
 }  // namespace
 
 void extend_sign(std::span<float> values, const std::array<size_t, 3>& sides, float background) {
-  if (values.empty() || SignExtension(sides, background).run(values, 0)) return;
-  in_pieces(values.size(), kPieceElements<float>, [&](size_t begin, size_t end) {
-    std::ranges::fill(values.subspan(begin, end - begin), background);
-  });
+  if (!values.empty()) SignExtension(sides, background).run(values, 0);
 }
 
 }  // namespace voxeld

@@ -30,7 +30,7 @@ class DistanceValues : public GridValues<float> {
   explicit DistanceValues(const Grid& grid) : scale_(volume::stored_distance_scale(grid)) {
     background = in_world(farthest(grid, &SparseTile::distance));
     inner = -background;
-    is_signed = grid.meta.is_band();
+    is_signed = grid.meta.tells_sides();
   }
   void fill(const SparseTile& tile, size_t first, std::span<float> values) const override {
     for (size_t i = 0; i < values.size(); ++i) {
@@ -113,17 +113,18 @@ std::string fill_option(const GridMeta& meta) {
   return fill != options->end() && fill->is_string() ? fill->get<std::string>() : "";
 }
 
-// Only bands and solids tell on which side a cell without a voxel is.
+// Only bands with voxels and solids tell on which side a cell without a voxel is.
 bool is_level_set(const Grid& grid) {
-  const std::string fill = fill_option(grid.meta);
-  return volume::has_world_distances(grid) && (fill == "band" || fill == "solid");
+  const bool is_known_band =
+      grid.meta.tells_sides() && !std::ranges::all_of(grid.tiles, &SparseTile::empty);
+  return volume::has_world_distances(grid) && (is_known_band || fill_option(grid.meta) == "solid");
 }
 
 }  // namespace
 
 std::vector<std::string> names_of_grids(const Grid& grid) {
   std::vector<std::string> names;
-  const bool is_told_by_distances = grid.meta.is_band() && grid.channels.distance;
+  const bool is_told_by_distances = grid.meta.tells_sides() && grid.channels.distance;
   if (!is_told_by_distances || grid.channels.coverage) names.emplace_back("density");
   if (grid.channels.distance) names.emplace_back("surface");
   if (grid.channels.color) names.emplace_back("color");

@@ -211,6 +211,7 @@ UpperNode<Value> TreeNodes<Value>::upper_of(const UpperPlace& place) const {
   upper.inside = flood_signs(known_of(upper.children, upper.tiles), first, last);
   const Cell sides = order_.sides_within(place.cell, kLowerSide);
   const size_t end = last_bit<kUpperLog2>(sides);
+  upper.first_inside = first.test(0) || upper.inside.test(0);
   upper.last_inside = last.test(end) || upper.inside.test(end);
   keep_within(upper.inside, sides);
   return upper;
@@ -219,13 +220,21 @@ UpperNode<Value> TreeNodes<Value>::upper_of(const UpperPlace& place) const {
 template <typename Value>
 std::vector<Cell> TreeNodes<Value>::inside_roots() const {
   std::vector<Cell> cells;
-  const std::vector<UpperPlace>& uppers = order_.uppers();
-  for (size_t i = 0; values_.is_signed && i + 1 < uppers.size(); ++i) {
-    Cell cell = uppers[i].cell;
-    const Cell& next = uppers[i + 1].cell;
-    if (next[0] != cell[0] || next[1] != cell[1] || !upper_of(uppers[i]).last_inside) continue;
-    for (cell[2] += kUpperSide; cell[2] < next[2]; cell[2] += kUpperSide) cells.push_back(cell);
+  if (!values_.is_signed || order_.uppers().empty()) return cells;
+  RootMask known, first, last;
+  for (const UpperPlace& place : order_.uppers()) {
+    std::array<size_t, 3> at{};
+    for (size_t c = 0; c < 3; ++c) at[c] = static_cast<size_t>(place.cell[c] / kUpperSide);
+    const size_t slot = RootMask::bit(at[0], at[1], at[2]);
+    const UpperNode<Value> upper = upper_of(place);
+    known.set(slot);
+    first.set(slot, upper.first_inside);
+    last.set(slot, upper.last_inside);
   }
+  RootMask inside = flood_signs(known, first, last);
+  keep_within(inside, order_.sides_within({}, kUpperSide));
+  inside.for_each(
+      [&](size_t slot) { cells.push_back(entry_cell({}, RootMask::entry(slot), kUpperSide)); });
   return cells;
 }
 

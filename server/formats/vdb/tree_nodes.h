@@ -78,8 +78,8 @@ struct LowerNode {
 template <typename Value>
 struct UpperNode {
   UpperMask children, tiles, inside;
-  std::vector<Value> tile_values;  // by ascending bit
-  bool last_inside = false;        // its last cell
+  std::vector<Value> tile_values;                  // by ascending bit
+  bool first_inside = false, last_inside = false;  // its first and last cell
 };
 
 // Value: float, Vec3s or int32_t.
@@ -111,7 +111,7 @@ class TreeNodes {
   // The cells of a leaf without voxels that are inside of the surface.
   LeafMask inside_of(const LowerPlace& lower, const LeafPlace& place,
                      const Leaf<Value>& leaf) const;
-  // The first cells of tiles of the root inside of the surface: between two upper nodes along z.
+  // The first cells of tiles of the root inside of the surface.
   std::vector<Cell> inside_roots() const;
 
  private:

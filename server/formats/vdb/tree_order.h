@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "proto/limits.h"
 #include "server/formats/vdb/node_mask.h"
 #include "server/grid/grid.h"
 
@@ -24,6 +25,8 @@ inline constexpr int32_t kLeafSide = 8, kLowerSide = 128, kUpperSide = 4096;  //
 using LeafMask = NodeMask<kLeafLog2>;
 using LowerMask = NodeMask<kLowerLog2>;
 using UpperMask = NodeMask<kUpperLog2>;
+using RootMask = NodeMask<2>;  // of the largest grid's upper nodes
+static_assert(RootMask::kSide * kUpperSide >= limits::kGridSideMax);
 using Cell = std::array<int32_t, 3>;  // of the grid
 
 // A brick with attributes.

@@ -177,6 +177,7 @@ StepTiles::StepTiles(const TileSource& source, StepKind kind, int steps, Neighbo
                "distances are not known where voxels are added");
   grid_ = source.grid();
   coords_ = source.coords();
+  if (grid_.meta.is_band()) grid_.meta = grid_.meta.with_band_voxels(0);
   if (kind != StepKind::kDilate) return;
   const glm::ivec3 end = (grid_.spec.dims - 1) / limits::kTileSide;
   for (const TileCoord& coord : source.coords()) {

@@ -71,12 +71,12 @@ void add_morphology_facts(const Grid& whole, const OutputOptions& output, json& 
 }
 
 // The meta of a selection's container.
-GridMeta selection_meta(const TileSource& source, const OutputOptions& output,
-                        const json& grid_facts) {
+GridMeta selection_meta(const TileSource& source, const TileSource& tiles,
+                        const OutputOptions& output, const json& grid_facts) {
   if (!selects(output)) return source.grid().meta;
   json facts = selection_facts(source.grid(), output);
   facts.update(grid_facts);
-  return source.grid().meta.with(facts);
+  return tiles.grid().meta.with(facts);
 }
 
 Status write_native(TaskRun& run, const TileSource& source, const TileSource& tiles,
@@ -88,7 +88,7 @@ Status write_native(TaskRun& run, const TileSource& source, const TileSource& ti
   VOXELD_TRY(for_each_batch(
       tiles, [&](std::vector<SparseTile> batch) { return sink.add(std::move(batch)); }));
   const json facts = grid_facts(tiles.grid(), sink.voxel_count(), sink.finish_hash());
-  const GridMeta meta = selection_meta(source, output, facts);
+  const GridMeta meta = selection_meta(source, tiles, output, facts);
   VOXELD_TRY(file.finish(meta));
   add_meta(run, meta.members());
   add_meta(run, facts);
@@ -106,7 +106,7 @@ Status write_zarr(TaskRun& run, const TileSource& source, const TileSource& tile
     VOXELD_ASSIGN(OutputFile file, OutputFile::create(path));
     VOXELD_TRY(zarr::write_store(tiles, output, file));
   }
-  add_meta(run, selection_meta(source, output, place_facts(tiles.grid().spec)).members());
+  add_meta(run, selection_meta(source, tiles, output, place_facts(tiles.grid().spec)).members());
   add_warnings(run, encode_warnings(tiles.grid(), output));
   list_output(run, path, "result", format_media_type(Format::kZarr),
               format_extension(Format::kZarr));
@@ -121,7 +121,7 @@ Status write_other(TaskRun& run, const TileSource& source, const TileSource& til
     return {};
   }));
   const json facts = grid_facts(grid, grid.voxel_count(), content_hash(grid));
-  grid.meta = selection_meta(source, output, facts);
+  grid.meta = selection_meta(source, tiles, output, facts);
   add_meta(run, grid.meta.members());
   add_meta(run, facts);
   return write_result(run, grid, output);

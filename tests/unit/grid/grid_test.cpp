@@ -82,6 +82,20 @@ TEST(GridMeta, members_of_another_type_count_as_absent) {
   EXPECT_EQ(GridMeta::parse("[1]").text(), "{}");
 }
 
+TEST(GridMeta, a_band_of_a_voxel_or_more_tells_sides) {
+  const auto band = [](const std::string& more) {
+    return GridMeta::parse(R"({"options":{"fill":"band")" + more + "}}");
+  };
+  EXPECT_EQ(band("").band_voxels(), 1);
+  EXPECT_EQ(band(R"(,"thickness":"3")").band_voxels(), 1);
+  EXPECT_EQ(band(R"(,"thickness":3)").band_voxels(), 3);
+  EXPECT_TRUE(band(R"(,"thickness":2.5)").tells_sides());
+  EXPECT_FALSE(band(R"(,"thickness":3)").with_band_voxels(0.75).tells_sides());
+  const GridMeta shell = GridMeta::parse(R"({"options":{"fill":"shell","thickness":3}})");
+  EXPECT_EQ(shell.band_voxels(), 0);
+  EXPECT_FALSE(shell.tells_sides());
+}
+
 TEST(GridMeta, typed_members_are_those_of_the_text_and_others_are_carried) {
   const std::string text =
       R"({"algorithm_version":6,"content_hash":"sha256-a","options":{"fill":"band"},"units":"m"})";

@@ -192,6 +192,22 @@ TEST(Level, has_a_cancellation_point_for_each_brick_and_some_cells) {
   EXPECT_GE(points_of(1), 125 + 2);  // and of 8000 voxels
 }
 
+TEST(Level, a_mean_distance_is_never_zero) {
+  const auto mean_of = [](int16_t a, int16_t b) {
+    Grid grid;
+    grid.spec.dims = {2, 2, 2};
+    grid.channels.distance = true;
+    grid.tiles = test::tiles_of(
+        {{.cell = {0, 0, 0}, .distance = a}, {.cell = {1, 0, 0}, .distance = b}}, grid.channels);
+    const GridTiles source(grid);
+    return testing::tiles_of(LevelTiles(source, 1, LevelRule::kAny))[0].distance[0];
+  };
+  EXPECT_EQ(mean_of(-1, -1), -1);
+  EXPECT_EQ(mean_of(-128, 127), -1);
+  EXPECT_EQ(mean_of(-128, 128), 1);
+  EXPECT_EQ(mean_of(-40, -20), -15);
+}
+
 TEST(Level, colours_are_mixed_in_linear_light) {
   Grid grid = testing::random_grid(1, {2, 2, 2}, 1, true, false);
   grid.tiles = test::tiles_of({{{0, 0, 0}, {255, 0, 0, 255}, {}}, {{1, 0, 0}, {0, 0, 0, 255}, {}}},

@@ -31,12 +31,13 @@ std::string text_member(const Json& object, const char* name) {
 }
 
 // Members of meta that go into headers: where the grid lies, and facts about its contents.
-constexpr std::array<std::string_view, 25> kBriefMembers = {
+constexpr std::array<std::string_view, 26> kBriefMembers = {
     "dims",           "origin", "voxel_size", "voxel_count",     "triangles",
     "units",          "frames", "fps",        "animation",       "mesh",
     "solid",          "level",  "level_rule", "region",          "mirror",
     "keep",           "dilate", "erode",      "hollow",          "neighbors",
-    "palette_colors", "of",     "drawn",      "host_bytes_peak", "host_bytes_estimate"};
+    "palette_colors", "of",     "drawn",      "host_bytes_peak", "host_bytes_estimate",
+    "band_voxels"};
 constexpr std::array<std::string_view, 3> kOwnHeaders = {"content_hash", "pipeline", "device"};
 
 // Parses these members of meta; it may have megabytes of others.

@@ -192,6 +192,16 @@ TEST(Slices, a_band_is_smooth_beyond_its_voxels) {
   check_slices(grid, Channel::kDistance, "IHDR IDAT IEND ");
 }
 
+TEST(Slices, a_cell_beside_a_band_that_does_not_tell_its_side_is_0) {
+  Grid grid = test::grid_of({4, 3, 1}, {{.cell = {1, 2, 0}, .distance = -64}}, {.distance = true});
+  grid.meta = GridMeta::parse(R"({"options":{"fill":"band","thickness":3}})").with_band_voxels(0.5);
+  const Image image = read_png(slice_members(grid, Channel::kDistance).at("slice-0000.png"));
+  PngBytes expected(size_t{2} * 4 * 3);
+  expected[18] = 0x7f;  // 32768 - 64
+  expected[19] = 0xc0;
+  EXPECT_EQ(image.pixels, expected);
+}
+
 TEST(Slices, an_empty_grid_has_empty_images) {
   const Grid grid = test::grid_of({3, 4, 5}, {}, true, false);
   check_slices(grid, Channel::kColor, "IHDR sRGB pHYs IDAT IEND ");

@@ -292,6 +292,36 @@ TEST(Nvdb, a_tile_of_the_root_between_two_parts_of_a_band_is_inside) {
   EXPECT_EQ(surface.voxel({0, 0, 13000}).value, value_of(0.5));
 }
 
+TEST(Nvdb, tiles_of_the_root_beside_a_part_of_a_band_have_its_side) {
+  for (const int axis : {0, 1, 2}) {
+    Cell dims = {8, 8, 8}, cell{};
+    dims[static_cast<size_t>(axis)] = 16384;
+    cell[static_cast<size_t>(axis)] = 8200;
+    Grid grid = test::grid_of(dims, {{.cell = cell, .distance = -64}}, {.distance = true});
+    grid.meta = GridMeta::parse(R"({"options":{"fill":"band"}})");
+    grid.spec.voxel_size = glm::dvec3(1);
+    const NanoGrid surface = nano_grids(grid).at("surface");
+    EXPECT_EQ(surface.root_tiles(), 4U);
+    for (const int at : {0, 4095, 4096, 8199, 8201, 12288, 16383}) {
+      cell[static_cast<size_t>(axis)] = at;
+      EXPECT_EQ(surface.voxel(cell).value, value_of(-0.5)) << axis << " " << at;
+    }
+  }
+}
+
+TEST(Nvdb, a_band_that_does_not_tell_sides_is_no_level_set) {
+  Grid grid = nano_band_of_sphere({40, 40, 40}, {20, 20, 20}, 15);
+  grid.meta = grid.meta.with_band_voxels(0.75);
+  const NanoGrids grids = nano_grids(grid);
+  EXPECT_EQ(nano_names(grids), (std::vector<std::string>{"density", "surface"}));
+  EXPECT_EQ(grids.at("surface").grid_class(), kUnknownClass);
+  EXPECT_EQ(grids.at("surface").voxel({20, 20, 20}).value[0], grids.at("surface").background()[0]);
+  Grid empty = test::grid_of({8, 8, 8}, {}, {.distance = true});
+  empty.spec.voxel_size = glm::dvec3(1);
+  empty.meta = GridMeta::parse(R"({"options":{"fill":"band"}})");
+  EXPECT_EQ(nano_grids(empty).at("surface").grid_class(), kUnknownClass) << "no voxels";
+}
+
 TEST(Nvdb, nodes_above_4096_cells_are_in_order) {
   std::vector<test::TestVoxel> voxels;
   for (const int x : {0, 4095, 4096, 12300}) {
