@@ -62,6 +62,7 @@ constexpr std::string_view kJobs = R"sql(
 -- clock of deadlines (kept_clock.h), moved at each start by the time without a daemon; the largest
 -- number where there is none (kNoDeadline). deadline_at_ms: the same as announced at acceptance; 0:
 -- none. device_us: for how long it has had its device.
+-- displaced_bytes: that a worker took with it when it was ended for want of memory; 0: none was.
 -- queued_ms: since when it has been in the queue again, once it was preempted; 0: since created_ms.
 CREATE TABLE jobs (
   seq ROW_NUMBER,
@@ -91,6 +92,7 @@ CREATE TABLE jobs (
   fence BIGINT NOT NULL DEFAULT 0,
   worker TEXT NOT NULL DEFAULT '',
   lost_workers TEXT NOT NULL DEFAULT '',
+  displaced_bytes BIGINT NOT NULL DEFAULT 0,
   tiles_done BIGINT NOT NULL DEFAULT 0,
   tiles_total BIGINT NOT NULL DEFAULT 0,
   frames_total BIGINT NOT NULL DEFAULT 0,

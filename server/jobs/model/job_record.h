@@ -28,6 +28,8 @@ struct JobRecord {
   bool cancel_requested = false;
   std::string worker;        // device that claimed it last
   std::string lost_workers;  // how each worker that ran it ended: "signal 9 (Killed), …"
+  // That its worker took when it was ended because all workers together took too much; 0: never.
+  int64_t displaced_bytes = 0;
   double upload_ms = 0;
   int64_t queued_ms = 0;             // Unix time: accepted, or preempted last
   std::string request_id, trace_id;  // of the request that submitted it

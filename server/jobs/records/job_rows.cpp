@@ -38,7 +38,7 @@ std::string select_text(JobTexts texts) {
          ", j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
          " j.attempt, j.fence, j.worker, " +
          cut("j.lost_workers") +
-         ", j.upload_us, j.created_ms, j.started_ms,"
+         ", j.displaced_bytes, j.upload_us, j.created_ms, j.started_ms,"
          " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.preempted, j.queued_ms,"
          " j.tiles_done, j.tiles_total, j.sequence, j.frames_total, j.deadline_at_ms,"
          " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id), " +
@@ -128,6 +128,7 @@ JobRecord read_record(const SqlStatement& statement) {
   record.fence = column.int64();
   record.worker = column.text();
   record.lost_workers = column.text();
+  record.displaced_bytes = column.int64();
   record.upload_ms = static_cast<double>(column.int64()) / 1000.0;
   status.created_ms = column.int64();
   status.started_ms = column.int64();

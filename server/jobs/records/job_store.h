@@ -51,6 +51,13 @@ struct LiveJob {
   int64_t device_us;  // for which this attempt has had its device
 };
 
+// How a job lost its worker.
+struct WorkerLoss {
+  std::string reason;
+  bool counts = false;          // it is the job's fault, perhaps
+  int64_t displaced_bytes = 0;  // the worker took so much, and all together too much; 0: otherwise
+};
+
 // A job in the state `running`, as its claim left it.
 struct RunningJob {
   std::string id;
@@ -108,11 +115,10 @@ class JobStore {
   Result<std::optional<JobRecord>> complete(const FinishedTask& task, const LiveJob& live);
   Result<std::optional<JobRecord>> fail(std::string_view id, int64_t fence, const Error& error,
                                         const LiveJob& live);
-  // The job's worker is gone. `counts`: it is the job's fault, perhaps; a daemon that stops puts
-  // jobs back without counting.
+  // The job's worker is gone. Queued again; a loss counts as an attempt where WorkerLoss says so,
+  // or where it is not the first for want of memory.
   Result<std::optional<JobRecord>> lose_worker(std::string_view id, int64_t fence,
-                                               std::string_view reason, bool counts,
-                                               const LiveJob& live);
+                                               const WorkerLoss& loss, const LiveJob& live);
   // Queued again without counting the attempt, at its place in the order of arrival and with its
   // progress; cancelled where that was asked for.
   Result<std::optional<JobRecord>> preempt(const TaskPreemption& preempt, const LiveJob& live);

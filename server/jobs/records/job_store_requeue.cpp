@@ -1,4 +1,6 @@
 // How a job that runs comes back into the queue.
+#include <algorithm>
+
 #include "proto/limits.h"
 #include "server/base/clock.h"
 #include "server/jobs/model/caller.h"
@@ -18,14 +20,16 @@ constexpr int64_t kVersionJump = 1'000'000'000;
 }  // namespace
 
 Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int64_t fence,
-                                                       std::string_view reason, bool counts,
+                                                       const WorkerLoss& loss,
                                                        const LiveJob& live) {
   std::optional<JobRecord> changed;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
     if (!running) return {};
+    // From the second time on it has waited for the memory that it took before.
+    const bool counts = loss.counts || (loss.displaced_bytes > 0 && running->displaced_bytes > 0);
     std::string lost = running->lost_workers;
-    if (counts) lost += (lost.empty() ? "" : ", ") + std::string(reason);
+    if (counts) lost += (lost.empty() ? "" : ", ") + loss.reason;
     if (running->cancel_requested) {
       VOXELD_TRY(end_with_error(connection, id,
                                 {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
@@ -39,8 +43,9 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
           "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - $2, lost_workers = "
           "$3,"
           " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1,"
-          " device_us = device_us + $5 WHERE id = $1",
-          id, int64_t{counts ? 0 : 1}, lost, live.version, live.device_us));
+          " device_us = device_us + $5, displaced_bytes = $6 WHERE id = $1",
+          id, int64_t{counts ? 0 : 1}, lost, live.version, live.device_us,
+          std::max(running->displaced_bytes, loss.displaced_bytes)));
     }
     VOXELD_ASSIGN(changed, record_change(connection, id));
     return {};

@@ -93,11 +93,28 @@ Result<TimeSlices::Outcome> TimeSlices::take(std::string_view id, int64_t fence,
   const Task task = find(id, fence);
   if (task == nullptr) return Outcome::kFenced;
   end_slice(*task);
-  if (!task->has_memory) {
-    task->need = need;
+  const int64_t reserved = std::exchange(task->reserved_bytes, 0);
+  if (!task->has_memory || reserved > 0) {
+    task->need = {std::max(need.host_bytes, reserved), need.device_bytes};
     VOXELD_TRY(check_fits(*task));
+    const auto all = memories(*task, [](const Started&) { return true; });
+    task->has_memory = task->has_memory && std::ranges::all_of(all, &Memory::fits);
   }
   return wait(task, lock, stop);
+}
+
+TimeSlices::Outcome TimeSlices::reserve(std::string_view id, int64_t fence, int64_t host_bytes,
+                                        const Stop& stop) {
+  MutexLock lock(mutex_);
+  const Task task = find(id, fence);
+  if (task == nullptr) return Outcome::kFenced;
+  const int64_t bytes_max = config_.host_bytes_max;
+  task->reserved_bytes = bytes_max > 0 ? std::min(host_bytes, bytes_max) : host_bytes;
+  task->need = {task->reserved_bytes, 0};
+  const Outcome outcome = wait(task, lock, stop);
+  end_slice(*task);
+  grant_free();
+  return outcome;
 }
 
 TimeSlices::Outcome TimeSlices::renew(std::string_view id, int64_t fence, const Stop& stop) {

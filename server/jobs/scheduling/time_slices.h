@@ -108,6 +108,10 @@ class TimeSlices {
   // Blocks. Errors: grid-too-large for what never fits.
   Result<Outcome> take(std::string_view id, int64_t fence, const SliceNeed& need, const Stop& stop)
       EXCLUDES(mutex_);
+  // Waits until a task that ran before may have the memory that it took then, at most all that
+  // there is for jobs. It has that until its first time slice, whose need is at least as large.
+  Outcome reserve(std::string_view id, int64_t fence, int64_t host_bytes, const Stop& stop)
+      EXCLUDES(mutex_);
   // Gives the time slice back and takes the next one, which may be at once.
   Outcome renew(std::string_view id, int64_t fence, const Stop& stop) EXCLUDES(mutex_);
   void give(std::string_view id, int64_t fence) EXCLUDES(mutex_);
@@ -127,6 +131,7 @@ class TimeSlices {
     SliceTask task;
     SliceNeed need;
     bool has_memory = false;
+    int64_t reserved_bytes = 0;  // of it, before its first time slice
     bool is_waiting = false, is_granted = false, has_ended = false;
     uint64_t waits_since = 0, admitted_at = 0;  // numbers of events, in their order
     double start_tag = 0;                       // of the time slice it has

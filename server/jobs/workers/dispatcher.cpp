@@ -204,8 +204,7 @@ HeadChoice Dispatcher::choose_head(const std::string& device, const DeviceSlots&
 // False: that cannot be stored now, and nothing is claimed until it can.
 bool Dispatcher::put_back_unassigned() {
   if (!unassigned_) return true;
-  const auto back =
-      context_.jobs.lose_worker(unassigned_->status.id, unassigned_->fence, "", false, {});
+  const auto back = context_.jobs.lose_worker(unassigned_->status.id, unassigned_->fence, {}, {});
   if (!back) {
     log::error("cannot put a job back", {{"error", back.error().message()}});
     return false;
@@ -227,8 +226,7 @@ void Dispatcher::put_back_lost() {
   const std::set<std::string> known = known_tasks();
   for (const RunningJob& job : *running) {
     if (known.contains(job.id)) continue;
-    const auto back =
-        context_.jobs.lose_worker(job.id, job.fence, "", false, context_.live(job.id));
+    const auto back = context_.jobs.lose_worker(job.id, job.fence, {}, context_.live(job.id));
     if (!back) {
       log::error("cannot put a job back", {{"job", job.id}, {"error", back.error().message()}});
     } else if (*back) {

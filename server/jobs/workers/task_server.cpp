@@ -156,10 +156,10 @@ WorkerWatch::Calls TaskServer::watch_calls() {
           },
           [this](const WatchedWorker& worker, int64_t bytes) { measured(worker, bytes); },
           [this](const WatchedWorker& worker, const Error& error) {
-            end_worker(worker, error.message(), error, /*counts=*/true);
+            end_worker(worker, {error.message(), /*counts=*/true}, error);
           },
-          [this](const WatchedWorker& worker, const std::string& reason, bool is_alone) {
-            end_worker(worker, reason, std::nullopt, is_alone);
+          [this](const WatchedWorker& worker, const WorkerLoss& loss) {
+            end_worker(worker, loss, std::nullopt);
           },
           [this](const WatchedWorker& worker) { take_slice(worker); }};
 }
@@ -167,8 +167,8 @@ WorkerWatch::Calls TaskServer::watch_calls() {
 ScratchWatch::Calls TaskServer::scratch_calls() {
   return {[this] { return watched_scratch(); },
           [this](const WatchedScratch& worker, const Error& error) {
-            end_worker({.pid = worker.pid, .task = worker.task}, error.message(), error,
-                       /*counts=*/true);
+            end_worker({.pid = worker.pid, .task = worker.task}, {error.message(), /*counts=*/true},
+                       error);
           }};
 }
 
@@ -231,12 +231,13 @@ void TaskServer::take_slice(const WatchedWorker& worker) {
             {{"job", worker.task}, {"pid", worker.pid}, {"seconds", worker.silent_seconds}});
 }
 
-void TaskServer::end_worker(const WatchedWorker& worker, const std::string& reason,
-                            const std::optional<Error>& verdict, bool counts) {
-  log::warn("worker is ended", {{"job", worker.task}, {"pid", worker.pid}, {"reason", reason}});
+void TaskServer::end_worker(const WatchedWorker& worker, const WorkerLoss& loss,
+                            const std::optional<Error>& verdict) {
+  log::warn("worker is ended",
+            {{"job", worker.task}, {"pid", worker.pid}, {"reason", loss.reason}});
   MutexLock lock(mutex_);
   for (const Connection& connection : connections_) {
-    connection.session->end(worker.pid, worker.task, reason, verdict, counts);
+    connection.session->end(worker.pid, worker.task, loss, verdict);
   }
 }
 

@@ -56,8 +56,8 @@ class TaskServer {
   // Sets the metrics of the device's workers together.
   void report_device(const std::string& device) const EXCLUDES(mutex_);
   void take_slice(const WatchedWorker& worker);
-  void end_worker(const WatchedWorker& worker, const std::string& reason,
-                  const std::optional<Error>& verdict, bool counts) EXCLUDES(mutex_);
+  void end_worker(const WatchedWorker& worker, const WorkerLoss& loss,
+                  const std::optional<Error>& verdict) EXCLUDES(mutex_);
 
   const TaskServerConfig config_;
   const TaskServerContext context_;

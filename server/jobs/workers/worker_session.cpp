@@ -93,13 +93,12 @@ void WorkerSession::set_memory(int64_t bytes) {
 }
 
 // The connection ends, too, where the process cannot be killed from here.
-void WorkerSession::end(int64_t pid, const std::string& task_id, const std::string& reason,
-                        const std::optional<Error>& verdict, bool counts) {
+void WorkerSession::end(int64_t pid, const std::string& task_id, const WorkerLoss& loss,
+                        const std::optional<Error>& verdict) {
   MutexLock lock(mutex_);
   if (state_.pid != pid || state_.task != task_id) return;
-  ended_for_ = reason;
+  ended_ = loss;
   verdict_ = verdict;
-  end_counts_ = counts;
   kill(pid);
   socket_.shutdown();
 }
@@ -301,11 +300,21 @@ Status WorkerSession::send_task(const JobRecord& record, const Task& sent) {
   VOXELD_ASSIGN(const JobRecord now, parts.jobs.get(Caller::daemon(), status.id));
   if (now.cancel_requested) parts.board.request_cancel(status.id);
   parts.job_changed(record);
+  wait_for_memory(record);
   progress_ = {};
   since_progress_.lap();
   kill_reason_.clear();
   VOXELD_TRY(socket_.set_receive_timeout(context_.config.limits.silence_seconds_max));
   return send({{"task", to_json_message(sent)}});
+}
+
+// A job that was displaced starts once what it took then fits beside the others. One that is to
+// stop meanwhile starts, too, and is told.
+void WorkerSession::wait_for_memory(const JobRecord& record) {
+  if (record.displaced_bytes == 0) return;
+  (void)context_.parts.slices.reserve(record.status.id, fence_, record.displaced_bytes, [this] {
+    return context_.stopping || stop_age_seconds() >= 0 || socket_.peer_closed();
+  });
 }
 
 // A job whose task cannot be told ends as failed, before any worker has it.
@@ -467,8 +476,7 @@ void WorkerSession::set_task(std::string id, int64_t fence) {
   state_.task = std::move(id);
   task_age_.lap();
   verdict_.reset();
-  ended_for_.clear();
-  end_counts_ = true;
+  ended_.reset();
 }
 
 // The job's end is durable: a step that fails must not keep the next ones from being done, last of
@@ -514,22 +522,20 @@ double WorkerSession::stop_age_seconds() const {
 }
 
 // A full disk, the daemon's stop and the memory that other jobs take are not the job's fault.
-bool WorkerSession::loss_counts(const Error& why) const {
+WorkerLoss WorkerSession::loss_of_task(const Error& why) const {
   MutexLock lock(mutex_);
-  return end_counts_ && !context_.stopping && why.code != ErrorCode::kStorageFull;
+  WorkerLoss loss = ended_.value_or(WorkerLoss{"", /*counts=*/true});
+  if (context_.stopping || why.code == ErrorCode::kStorageFull) loss.counts = false;
+  return loss;
 }
 
 // How the worker was lost, for the job's error.
-std::string WorkerSession::lost_reason(const Error& why, bool counts) {
-  std::string reason = kill_reason_;
-  {
-    MutexLock lock(mutex_);
-    if (reason.empty()) reason = ended_for_;
-  }
-  if (counts && reason.empty() && why.code == ErrorCode::kDeadlineExceeded) {
+std::string WorkerSession::lost_reason(const Error& why, const WorkerLoss& loss) {
+  std::string reason = kill_reason_.empty() ? loss.reason : kill_reason_;
+  if (loss.counts && reason.empty() && why.code == ErrorCode::kDeadlineExceeded) {
     reason = "no sign of life";
     kill(pid_);  // it may not go on with this task
-  } else if (counts && reason.empty() && context_.config.exit_reason) {
+  } else if (loss.counts && reason.empty() && context_.config.exit_reason) {
     reason = context_.config.exit_reason(pid_);
   }
   if (!reason.empty()) return reason;
@@ -551,10 +557,11 @@ void WorkerSession::put_back(const Error& why) noexcept {
         context_.dispatcher.accept(number_);
       }
       const std::string lost_task = task();
-      const bool counts = loss_counts(why);
-      if (!lost_task.empty() && reason.empty()) reason = lost_reason(why, counts);
       if (!lost_task.empty()) {
-        auto lost = end_lost(lost_task, reason, counts);
+        WorkerLoss loss = loss_of_task(why);
+        if (reason.empty()) reason = lost_reason(why, loss);
+        loss.reason = reason;
+        auto lost = end_lost(lost_task, loss);
         if (!lost) {
           log::error("cannot put a job back",
                      {{"job", lost_task}, {"error", lost.error().message()}});
@@ -573,7 +580,7 @@ void WorkerSession::put_back(const Error& why) noexcept {
 
 // Failed, where a watch has ended the worker for what the job took; else the job is put back.
 Result<std::optional<JobRecord>> WorkerSession::end_lost(const std::string& task_id,
-                                                         const std::string& reason, bool counts) {
+                                                         const WorkerLoss& loss) {
   std::optional<Error> verdict;
   {
     MutexLock lock(mutex_);
@@ -584,7 +591,7 @@ Result<std::optional<JobRecord>> WorkerSession::end_lost(const std::string& task
     files_.clear();  // first, since the disk may be full of what it wrote
     return context_.parts.jobs.fail(task_id, fence_, *verdict, live);
   }
-  return context_.parts.jobs.lose_worker(task_id, fence_, reason, counts, live);
+  return context_.parts.jobs.lose_worker(task_id, fence_, loss, live);
 }
 
 }  // namespace voxeld

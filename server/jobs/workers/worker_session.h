@@ -59,9 +59,9 @@ class WorkerSession {
   std::optional<WatchedScratch> watched_scratch() const EXCLUDES(mutex_);
   void set_memory(int64_t bytes) EXCLUDES(mutex_);
   // Kills the process and ends the session where it has this process and task. Its job fails with
-  // the verdict or, without one, is put back; the attempt counts where it was the job's own doing.
-  void end(int64_t pid, const std::string& task, const std::string& reason,
-           const std::optional<Error>& verdict, bool counts) EXCLUDES(mutex_);
+  // the verdict or, without one, is put back.
+  void end(int64_t pid, const std::string& task, const WorkerLoss& loss,
+           const std::optional<Error>& verdict) EXCLUDES(mutex_);
 
  private:
   using Json = nlohmann::json;
@@ -82,6 +82,7 @@ class WorkerSession {
   // --- messages
   Status give_task();
   Status send_task(const JobRecord& record, const Task& task);
+  void wait_for_memory(const JobRecord& record);
   Status refuse_task(const JobRecord& record, const Error& error);
   Status take_progress(const Json& message);
   Result<std::string> hand_over(const std::string& grid) const;
@@ -102,10 +103,10 @@ class WorkerSession {
   // For how long nobody has wanted the task's result any more; negative: it is wanted.
   double stop_age_seconds() const;
   void put_back(const Error& why) noexcept;
-  bool loss_counts(const Error& why) const EXCLUDES(mutex_);
-  std::string lost_reason(const Error& why, bool counts);
-  Result<std::optional<JobRecord>> end_lost(const std::string& task_id, const std::string& reason,
-                                            bool counts);
+  // How the task is lost, as far as is known without waiting.
+  WorkerLoss loss_of_task(const Error& why) const EXCLUDES(mutex_);
+  std::string lost_reason(const Error& why, const WorkerLoss& loss);
+  Result<std::optional<JobRecord>> end_lost(const std::string& task_id, const WorkerLoss& loss);
 
   const int64_t number_;
   const WorkerSessionContext context_;
@@ -127,9 +128,8 @@ class WorkerSession {
   mutable Mutex mutex_;
   WorkerState state_ GUARDED_BY(mutex_);
   Stopwatch task_age_ GUARDED_BY(mutex_);
-  std::optional<Error> verdict_ GUARDED_BY(mutex_);  // of a watch, on the task that runs
-  std::string ended_for_ GUARDED_BY(mutex_);         // why a watch ended the worker, once it did
-  bool end_counts_ GUARDED_BY(mutex_) = true;        // whether that was the task's own doing
+  std::optional<Error> verdict_ GUARDED_BY(mutex_);     // of a watch, on the task that runs
+  std::optional<WorkerLoss> ended_ GUARDED_BY(mutex_);  // by a watch, for the task that runs
   // Since when the gateway waits for its next message; nullopt while it works on one.
   std::optional<Stopwatch> silence_ GUARDED_BY(mutex_);
 };

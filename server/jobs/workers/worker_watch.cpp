@@ -92,11 +92,11 @@ void WorkerWatch::look_at_all(const std::vector<Measured>& all) const {
   const auto busy =
       std::ranges::count_if(all, [](const Measured& one) { return !one.worker->task.empty(); });
   calls_.displaced(*first->worker,
-                   "memory of all workers: " + memory_text(sum) + ", limit " +
-                       memory_text(limits_.all_memory_bytes_max) + "; this one took " +
-                       memory_text(first->bytes) + " and had asked for " +
-                       memory_text(first->worker->asked_bytes),
-                   busy <= 1 || first->bytes > limits_.all_memory_bytes_max);
+                   {"memory of all workers: " + memory_text(sum) + ", limit " +
+                        memory_text(limits_.all_memory_bytes_max) + "; this one took " +
+                        memory_text(first->bytes) + " and had asked for " +
+                        memory_text(first->worker->asked_bytes),
+                    busy <= 1 || first->bytes > limits_.all_memory_bytes_max, first->bytes});
 }
 
 }  // namespace voxeld

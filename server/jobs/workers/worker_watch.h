@@ -10,6 +10,7 @@
 
 #include "proto/result.h"
 #include "server/base/thread_annotations.h"
+#include "server/jobs/records/job_store.h"
 
 namespace voxeld {
 
@@ -43,8 +44,8 @@ class WorkerWatch {
     // The worker must be ended, and its job fails with this error.
     std::function<void(const WatchedWorker&, const Error&)> condemned;
     // The worker must be ended, because all workers together exceed the limit and this one exceeds
-    // its request the most. Its job is retried; the attempt counts if it exceeds the limit alone.
-    std::function<void(const WatchedWorker&, const std::string& reason, bool is_alone)> displaced;
+    // its request the most. Its job is retried. The loss counts if it exceeds the limit alone.
+    std::function<void(const WatchedWorker&, const WorkerLoss& loss)> displaced;
     // The worker gives no sign of life: others have the device. Each period, until it does.
     std::function<void(const WatchedWorker&)> silent;
   };

@@ -34,6 +34,7 @@ class ServiceTest : public ::testing::Test {
     config.limits_of = [this](std::string_view) { return limits_; };
     config.limits = task_limits_;
     config.queued_jobs_max = queued_jobs_max_;
+    config.memory_bytes_max = memory_bytes_max_;
     config.is_queue_shared = [this] { return is_queue_shared_; };
     config.store_match = store_match_;
     config.isolation = [this] { return isolation_.load(); };
@@ -89,6 +90,7 @@ class ServiceTest : public ::testing::Test {
   TenantLimits limits_;  // of every tenant
   TaskLimits task_limits_;
   int queued_jobs_max_ = limits::kQueuedJobsMax;
+  int64_t memory_bytes_max_ = 0;
   bool is_queue_shared_ = false;
   StoreMatch store_match_ = StoreMatch::kRequired;
   std::atomic<WorkerIsolation> isolation_{WorkerIsolation::kNone};

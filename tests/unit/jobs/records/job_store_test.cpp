@@ -189,7 +189,7 @@ TEST_F(JobStoreTest, a_failed_job_keeps_code_detail_expected_and_got) {
 TEST_F(JobStoreTest, a_report_with_an_older_fence_changes_nothing) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
   const JobRecord zombie = claim();
-  ASSERT_TRUE(store_->lose_worker(id, zombie.fence, "signal 9 (Killed)", true, 2).value());
+  ASSERT_TRUE(store_->lose_worker(id, zombie.fence, {"signal 9 (Killed)", true}, 2).value());
   EXPECT_EQ(get(id).state, JobState::kQueued);
   EXPECT_FALSE(store_->complete(finished(zombie), 0).value());
   const JobRecord second = claim();
@@ -197,7 +197,7 @@ TEST_F(JobStoreTest, a_report_with_an_older_fence_changes_nothing) {
   EXPECT_EQ(second.status.attempt, 2);
   EXPECT_FALSE(store_->complete(finished(zombie, "zombie"), 0).value());
   EXPECT_FALSE(store_->fail(id, zombie.fence, {ErrorCode::kInternal, "late", "", ""}, 0).value());
-  EXPECT_FALSE(store_->lose_worker(id, zombie.fence, "late", true, 0).value());
+  EXPECT_FALSE(store_->lose_worker(id, zombie.fence, {"late", true}, 0).value());
   EXPECT_EQ(get(id).state, JobState::kRunning);
   ASSERT_TRUE(store_->complete(finished(second, "good"), 0).value());
   EXPECT_EQ(get(id).result->blob, sha256_id("good"));
@@ -209,7 +209,7 @@ TEST_F(JobStoreTest, the_third_lost_worker_fails_the_job_with_how_each_ended) {
   for (const char* reason :
        {"signal 9 (Killed)", "exit status 1", "signal 11 (Segmentation fault)"}) {
     const JobRecord running = claim();
-    ASSERT_TRUE(store_->lose_worker(id, running.fence, reason, true, 0).value());
+    ASSERT_TRUE(store_->lose_worker(id, running.fence, {reason, true}, 0).value());
   }
   const JobStatus status = get(id);
   EXPECT_EQ(status.state, JobState::kFailed);
@@ -226,9 +226,24 @@ TEST_F(JobStoreTest, a_daemon_that_stops_does_not_cost_an_attempt) {
   for (int i = 0; i < 5; ++i) {
     const JobRecord running = claim();
     EXPECT_EQ(running.status.attempt, 1);
-    ASSERT_TRUE(store_->lose_worker(id, running.fence, "", false, 0).value());
+    ASSERT_TRUE(store_->lose_worker(id, running.fence, {}, 0).value());
   }
   EXPECT_EQ(get(id).state, JobState::kQueued);
+}
+
+TEST_F(JobStoreTest, a_job_that_is_displaced_again_and_again_fails_with_the_reasons) {
+  const std::string id = submit(request(put_asset("mesh"))).status.id;
+  for (int i = 0; i <= limits::kJobAttemptsMax; ++i) {
+    const JobRecord running = claim();
+    EXPECT_EQ(running.status.attempt, std::max(1, i)) << "the first time does not count";
+    EXPECT_EQ(running.displaced_bytes, i == 0 ? 0 : 500);
+    const WorkerLoss loss{"memory " + std::to_string(i), false, 500 - i};
+    ASSERT_TRUE(store_->lose_worker(id, running.fence, loss, 0).value());
+  }
+  const JobStatus status = get(id);
+  ASSERT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.error->code, ErrorCode::kWorkerCrashed);
+  EXPECT_EQ(status.error->detail, "the job ended 3 workers: memory 1, memory 2, memory 3");
 }
 
 TEST_F(JobStoreTest, cancelling_a_queued_job_ends_it_and_again_changes_nothing) {
@@ -275,7 +290,7 @@ TEST_F(JobStoreTest, a_cancelled_job_whose_worker_dies_is_not_queued_again) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
   const JobRecord running = claim();
   ASSERT_TRUE(store_->cancel(Caller::open(), id));
-  ASSERT_TRUE(store_->lose_worker(id, running.fence, "signal 9 (Killed)", true, 0).value());
+  ASSERT_TRUE(store_->lose_worker(id, running.fence, {"signal 9 (Killed)", true}, 0).value());
   EXPECT_EQ(get(id).state, JobState::kCancelled);
 }
 
@@ -521,7 +536,7 @@ TEST_F(JobStoreTest, frames_of_an_earlier_claim_are_void) {
   const auto listed = frames.add(frame, {"sha256-1", 1}, 9, 0);
   ASSERT_TRUE(listed && *listed) << listed.error().message();
   EXPECT_EQ(**listed, 1);
-  ASSERT_TRUE(store_->lose_worker(id, first.fence, "gone", true, 0));
+  ASSERT_TRUE(store_->lose_worker(id, first.fence, {"gone", true}, 0));
   ASSERT_TRUE(frames.add(frame, {"sha256-2", 1}, 9, 0));
   EXPECT_FALSE(*frames.add(frame, {"sha256-2", 1}, 9, 0));  // queued: nobody owns it
   const JobRecord second = claim();

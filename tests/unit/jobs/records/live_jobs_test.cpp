@@ -167,7 +167,7 @@ TEST_F(LiveJobsTest, the_counters_are_the_rows_whatever_happens_to_jobs) {
       ASSERT_TRUE(store_->fail(job.status.id, job.fence, {ErrorCode::kInternal, "x", "", ""}, 0));
     } else if (what == 7 && !running.empty()) {
       const JobRecord job = take_running();
-      ASSERT_TRUE(store_->lose_worker(job.status.id, job.fence, "gone", true, 0));
+      ASSERT_TRUE(store_->lose_worker(job.status.id, job.fence, {"gone", true}, 0));
     } else if (what == 8 && !running.empty()) {
       const JobRecord job = take_running();
       ASSERT_TRUE(store_->preempt({job.status.id, job.fence, 0, 0, {}}, 0));

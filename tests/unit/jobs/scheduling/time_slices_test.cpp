@@ -303,6 +303,44 @@ TEST_F(SlicesMemory, a_task_that_does_not_fit_reports_its_wait_and_holds_no_slic
   EXPECT_EQ(slices_->waiting_for("other"), "");
 }
 
+TEST_F(SlicesMemory, a_reservation_waits_for_memory_and_lasts_until_the_first_need) {
+  begin("large", "a");
+  begin("again", "b");
+  begin("other", "c");
+  ASSERT_EQ(take("large", {6 * kGiga, 0}), Outcome::kGranted);
+  slices_->give("large", 1);
+  std::thread again(
+      [&] { EXPECT_EQ(slices_->reserve("again", 1, 5 * kGiga, {}), Outcome::kGranted); });
+  wait_asked("again");
+  EXPECT_EQ(slices_->waiting_for("again"), "memory: needs 5.0 GB, 2.0 of 8.0 GB free");
+  slices_->end_task("large", 1);
+  again.join();
+  EXPECT_EQ(slices_->granted_bytes("again"), 5 * kGiga);
+  std::thread other = ask("other", {4 * kGiga, 0});
+  EXPECT_FALSE(is_granted("other"));
+  EXPECT_EQ(take("again", {3 * kGiga, 0}), Outcome::kGranted);  // before those that wait
+  EXPECT_EQ(slices_->granted_bytes("again"), 5 * kGiga) << "the need was told too low before";
+  slices_->end_task("again", 1);
+  other.join();
+  EXPECT_EQ(slices_->reserve("again", 1, kGiga, {}), Outcome::kFenced);
+}
+
+TEST_F(SlicesMemory, a_reservation_of_more_than_there_is_has_all_and_its_task_may_need_more) {
+  begin("again", "a");
+  begin("other", "b");
+  EXPECT_EQ(slices_->reserve("again", 1, 20 * kGiga, {}), Outcome::kGranted);
+  EXPECT_EQ(slices_->granted_bytes("again"), 8 * kGiga);
+  slices_->end_task("again", 1);
+  begin("again", "a");
+  EXPECT_EQ(slices_->reserve("again", 1, 2 * kGiga, {}), Outcome::kGranted);
+  ASSERT_EQ(take("other", {4 * kGiga, 0}), Outcome::kGranted);
+  slices_->give("other", 1);
+  std::thread again = ask("again", {5 * kGiga, 0});
+  EXPECT_FALSE(is_granted("again"));
+  slices_->end_task("other", 1);
+  again.join();
+}
+
 TEST_F(SlicesMemory, no_task_overtakes_one_that_it_would_then_block_on) {
   begin("large", "a");
   begin("other", "b");

@@ -35,8 +35,10 @@ class FakeSlices {
     EXPECT_TRUE(socket_.send(to_json_message(SlicesHello{1, ::getpid(), "llvmpipe"}).dump()));
     EXPECT_TRUE(socket_.receive());
   }
-  SliceReply ask(const Task& task, SliceAction action = SliceAction::kTake) {
-    EXPECT_TRUE(socket_.send(to_json_message(SliceRequest{action, task.id, task.fence}).dump()));
+  SliceReply ask(const Task& task, SliceAction action = SliceAction::kTake,
+                 int64_t host_bytes = 0) {
+    const SliceRequest request{action, task.id, task.fence, host_bytes};
+    EXPECT_TRUE(socket_.send(to_json_message(request).dump()));
     return parse_slice_reply(json::parse(socket_.receive().value())).value();
   }
   void give(const Task& task) {
@@ -112,6 +114,34 @@ TEST_F(SliceServerTest, a_lost_worker_releases_its_slice) {
   one_.reset();  // its first connection; the second one is still there
   waiter.join();
   EXPECT_TRUE(one.ask(first_, SliceAction::kRenew).fenced);
+}
+
+class SliceMemoryTest : public SliceServerTest {
+ protected:
+  SliceMemoryTest() { memory_bytes_max_ = 8'000'000'000; }
+};
+
+TEST_F(SliceMemoryTest, a_displaced_job_starts_again_once_what_it_took_fits_beside_the_others) {
+  FakeSlices one = connect_slices();
+  EXPECT_TRUE(one.ask(first_, SliceAction::kTake, 5'000'000'000).granted);
+  two_.reset();
+  EXPECT_TRUE(testing::comes_true([&] { return get(second_.id).state == JobState::kQueued; }));
+  auto rows =
+      SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
+  ASSERT_TRUE(rows);
+  ASSERT_TRUE(rows->run("UPDATE jobs SET displaced_bytes = $2 WHERE id = $1", second_.id,
+                        int64_t{4'000'000'000}));
+  FakeWorker next = connect();
+  std::optional<Task> again;
+  std::thread claim([&] { again = next.claim(); });
+  wait_until_waiting(second_);
+  EXPECT_TRUE(testing::comes_true(
+      [&] { return get(second_.id).waiting_for == "memory: needs 4.0 GB, 3.0 of 8.0 GB free"; }));
+  EXPECT_TRUE(one_->complete(first_, "x"));
+  claim.join();
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->id, second_.id);
+  EXPECT_TRUE(next.complete(*again, "y"));
 }
 
 constexpr milliseconds kShortSilence{500};

@@ -40,8 +40,10 @@ std::vector<std::pair<std::string, Error>> verdicts(WatchLimits limits, const Wa
                   },
               .condemned = [&](const WatchedWorker& one,
                                const Error& error) { told.emplace_back(one.task, error); },
-              .displaced = [](const WatchedWorker& one, const std::string&,
-                              bool) { ADD_FAILURE() << one.task << ": all of them have no limit"; },
+              .displaced =
+                  [](const WatchedWorker& one, const WorkerLoss&) {
+                    ADD_FAILURE() << one.task << ": all of them have no limit";
+                  },
               .silent = nullptr});
   return told;
 }
@@ -57,8 +59,8 @@ TEST(WorkerWatch, a_worker_within_its_limits_is_measured_and_left_alone) {
 
 // Which of them the watch ends where all are this very process.
 struct Displaced {
-  std::string task, reason;
-  bool is_alone = false;
+  std::string task;
+  WorkerLoss loss;
 };
 std::vector<Displaced> displaced(WatchLimits limits, const std::vector<WatchedWorker>& workers) {
   std::vector<Displaced> told;
@@ -69,8 +71,8 @@ std::vector<Displaced> displaced(WatchLimits limits, const std::vector<WatchedWo
        .condemned = [](const WatchedWorker& one,
                        const Error& error) { EXPECT_EQ(one.task, "long") << error.message(); },
        .displaced =
-           [&](const WatchedWorker& one, const std::string& reason, bool is_alone) {
-             told.push_back({one.task, reason, is_alone});
+           [&](const WatchedWorker& one, const WorkerLoss& loss) {
+             told.push_back({one.task, loss});
            },
        .silent = nullptr});
   return told;
@@ -86,12 +88,14 @@ TEST(WorkerWatch, over_the_total_the_worker_furthest_beyond_its_request_is_ended
   const auto told = displaced({.all_memory_bytes_max = 1}, workers);
   ASSERT_FALSE(told.empty());
   for (const Displaced& one : told) EXPECT_EQ(one.task, "reads") << "one at each look";
-  EXPECT_TRUE(told[0].reason.starts_with("memory of all workers: ")) << told[0].reason;
-  EXPECT_TRUE(told[0].reason.ends_with(" and had asked for 0 MB")) << told[0].reason;
-  EXPECT_TRUE(told[0].is_alone) << "it exceeds the total by itself";
+  const WorkerLoss& loss = told[0].loss;
+  EXPECT_TRUE(loss.reason.starts_with("memory of all workers: ")) << loss.reason;
+  EXPECT_TRUE(loss.reason.ends_with(" and had asked for 0 MB")) << loss.reason;
+  EXPECT_TRUE(loss.counts) << "it exceeds the total by itself";
   const auto together = displaced({.all_memory_bytes_max = 5 * private_bytes(pid) / 2}, workers);
   ASSERT_FALSE(together.empty());
-  EXPECT_FALSE(together[0].is_alone);
+  EXPECT_FALSE(together[0].loss.counts);
+  EXPECT_GT(together[0].loss.displaced_bytes, 100'000);
   EXPECT_TRUE(displaced({.all_memory_bytes_max = kMuch}, workers).empty());
   EXPECT_TRUE(displaced({}, workers).empty());
 }
@@ -103,7 +107,7 @@ TEST(WorkerWatch, a_job_that_exceeds_the_total_alone_is_told_so) {
                                {.pid = pid, .task = "", .asked_bytes = int64_t{1} << 40}});
   ASSERT_FALSE(told.empty());
   EXPECT_EQ(told[0].task, "reads");
-  EXPECT_TRUE(told[0].is_alone);
+  EXPECT_TRUE(told[0].loss.counts);
 }
 
 TEST(WorkerWatch, a_worker_that_is_ended_anyway_does_not_count_towards_the_total) {
