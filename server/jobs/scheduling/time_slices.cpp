@@ -62,6 +62,11 @@ void TimeSlices::charge_cpu() {
   for (const auto& [id, task] : tasks_) charge_cpu(*task);
 }
 
+void TimeSlices::charge_lost_worker(const std::string& device, const std::string& tenant) {
+  MutexLock lock(mutex_);
+  charge(devices_[device], tenant, kLostWorkerSeconds);
+}
+
 void TimeSlices::set_device_bytes(const std::string& device, int64_t bytes_max) {
   MutexLock lock(mutex_);
   devices_[device].bytes_max = bytes_max;
@@ -232,12 +237,13 @@ void TimeSlices::charge_cpu(Started& task) {
   if (now < 0) return;  // what it used since the last call is lost with it
   const double used = std::max(now - std::exchange(task.cpu_seconds, now), 0.0);
   if (task.is_granted || used == 0) return;
-  Device& device = devices_[task.task.device];
-  const std::string& tenant = task.task.tenant;
-  const double seconds = used / config_.cores;
+  charge(devices_[task.task.device], task.task.tenant, used / config_.cores);
+  if (config_.charged_cpu) config_.charged_cpu(task.task, used);
+}
+
+void TimeSlices::charge(Device& device, const std::string& tenant, double seconds) {
   device.finish[tenant] = tag_of(device, tenant) + seconds / static_cast<double>(weight_of(tenant));
   device.shares.charge(tenant, seconds, weight_of(tenant));
-  if (config_.charged_cpu) config_.charged_cpu(task.task, used);
 }
 
 void TimeSlices::end(Started& task) {

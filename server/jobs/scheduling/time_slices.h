@@ -14,6 +14,8 @@
 // well: a second of CPU time counts as the part of a second of the device that one
 // core is of the machine. On device cpu, whose time slices have all cores, both cost the same.
 //
+// A worker that a job ends costs its tenant kLostWorkerSeconds: another one has to start.
+//
 // A time slice can be taken away from a worker that gives no sign of life. Should the worker come
 // back, it takes a new time slice at its next boundary like any other.
 //
@@ -83,6 +85,7 @@ class TimeSlices {
   // Polled while a time slice is waited for, at least every kPoll.
   using Stop = std::function<bool()>;
   static constexpr std::chrono::milliseconds kPoll{20};
+  static constexpr double kLostWorkerSeconds = 1;  // of the device
 
   explicit TimeSlices(TimeSlicesConfig config) : config_(std::move(config)) {}
 
@@ -95,6 +98,8 @@ class TimeSlices {
   bool take_away(std::string_view id) EXCLUDES(mutex_);
   // Charges the CPU time that tasks have used without a time slice since the last call.
   void charge_cpu() EXCLUDES(mutex_);
+  // A job of the tenant has ended a worker of the device.
+  void charge_lost_worker(const std::string& device, const std::string& tenant) EXCLUDES(mutex_);
   // How much memory the device has for tasks; 0: not known, not limited.
   void set_device_bytes(const std::string& device, int64_t bytes_max) EXCLUDES(mutex_);
   // Device time of tenants while they wanted it (tenant_shares.h): of those with queued jobs, and
@@ -154,6 +159,7 @@ class TimeSlices {
   Outcome wait(const Task& task, MutexLock& lock, const Stop& stop) REQUIRES(mutex_);
   // Charges the CPU time since the last call; within a time slice it is part of the time slice.
   void charge_cpu(Started& task) REQUIRES(mutex_);
+  void charge(Device& device, const std::string& tenant, double seconds) REQUIRES(mutex_);
   // Ends the task's time slice, charges it, and fences its waiting calls.
   void end(Started& task) REQUIRES(mutex_);
   // Ends the time slice of a task that has one, and charges it.

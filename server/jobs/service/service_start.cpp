@@ -118,6 +118,9 @@ TaskServerConfig Service::server_config() {
   server.on_connected = [this](const std::string& device) {
     if (Supervisor* supervisor = supervising_) supervisor->start_others(device);
   };
+  server.on_task = [this](int64_t pid) {
+    if (Supervisor* supervisor = supervising_) supervisor->has_task(pid);
+  };
   return server;
 }
 

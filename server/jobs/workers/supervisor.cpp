@@ -56,6 +56,7 @@ void Supervisor::run(Slot& slot) {
         }
       });
       slot.pid = slot.child.pid();
+      slot.had_task = false;
     }
     const Stopwatch watch;
     ExitReason reason;
@@ -69,7 +70,7 @@ void Supervisor::run(Slot& slot) {
       guarded("the end of a worker", [&] { is_replaced = note_exit(slot, reason); });
     }
     if (is_replaced) continue;
-    if (watch.ms() >= kHealthySeconds * 1000.0) backoff = kBackoffSecondsMin;
+    if (watch.ms() >= kHealthySeconds * 1000.0 || had_task(slot)) backoff = kBackoffSecondsMin;
     if (reason.signal == 0 && reason.status == kExitDeviceUnavailable) backoff = kBackoffSecondsMax;
     if (!pause(backoff)) return;
     backoff = std::min(backoff * 2, kBackoffSecondsMax);
@@ -92,6 +93,11 @@ bool Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
              {{"device", slot.device}, {"pid", reason.pid}, {"reason", reason.text()}});
   if (!stopping && !is_replaced && config_.on_exit) config_.on_exit(slot.device, reason);
   return is_replaced;
+}
+
+bool Supervisor::had_task(const Slot& slot) {
+  MutexLock lock(mutex_);
+  return slot.had_task;
 }
 
 bool Supervisor::may_start(const Slot& slot) const {
@@ -136,6 +142,13 @@ void Supervisor::replace(int64_t pid) {
     if (slot->pid != pid) continue;
     slot->is_replaced = slot->child.send_signal(SIGKILL);
     return;
+  }
+}
+
+void Supervisor::has_task(int64_t pid) {
+  MutexLock lock(mutex_);
+  for (auto& slot : slots_) {
+    if (slot->pid == pid) slot->had_task = true;
   }
 }
 

@@ -32,9 +32,9 @@ struct SupervisorConfig {
 };
 
 // Thread-safe. Each slot of a device has a thread that starts its worker, waits for it and starts
-// the next one, after a pause that doubles while workers end within kHealthySeconds. Slots other
-// than 0 begin when start_others() was called: the first worker is ready as soon as if it was
-// alone, and where a device cannot be opened that is tried once.
+// the next one, after a pause that doubles while workers end within kHealthySeconds without a task.
+// Slots other than 0 begin when start_others() was called: the first worker is ready as soon as if
+// it was alone, and where a device cannot be opened that is tried once.
 class Supervisor {
  public:
   static constexpr double kBackoffSecondsMin = 0.05;
@@ -63,6 +63,9 @@ class Supervisor {
   void set_extra(const std::string& device, int workers);
   // SIGKILL to a worker of ours, and at once the next one in its slot: that counts as no restart.
   void replace(int64_t pid);
+  // The worker gets a task. If it ends, its job may be the cause, which has few attempts: jobs of
+  // others do not wait for a long pause.
+  void has_task(int64_t pid);
   // The slot of a worker that is ours; nullopt for others.
   std::optional<int> slot_of(int64_t pid) const;
 
@@ -84,6 +87,7 @@ class Supervisor {
     int64_t pid = 0;
     int64_t restarts = 0;
     bool is_replaced = false;  // its worker ends because replace() said so
+    bool had_task = false;     // its worker, or the last one
     std::thread thread;
   };
   void run(Slot& slot);
@@ -92,6 +96,7 @@ class Supervisor {
   bool pause(double seconds) EXCLUDES(mutex_);
   bool is_ours(int64_t pid) const REQUIRES(mutex_);
   bool may_start(const Slot& slot) const REQUIRES(mutex_);
+  bool had_task(const Slot& slot) EXCLUDES(mutex_);
   // Whether the worker was replaced.
   bool note_exit(Slot& slot, const ExitReason& reason) EXCLUDES(mutex_);
 

@@ -46,7 +46,8 @@ struct TaskServerConfig {
   std::function<int(int64_t pid)> slot_of;  // among the device's processes; null: 0
   // A worker that has opened its device is there.
   std::function<void(const std::string& device)> on_connected;
-  bool is_fair = true;  // false: jobs are claimed as they arrived
+  std::function<void(int64_t pid)> on_task;  // before a worker gets one; null: nobody
+  bool is_fair = true;                       // false: jobs are claimed as they arrived
   // That a queued job will take, as it is estimated; 0: not known. null: never known.
   std::function<double(const std::string& job)> expected_seconds;
   TaskLimits limits;

@@ -305,6 +305,7 @@ Status WorkerSession::send_task(const JobRecord& record, const Task& sent) {
   since_progress_.lap();
   kill_reason_.clear();
   VOXELD_TRY(socket_.set_receive_timeout(context_.config.limits.silence_seconds_max));
+  if (context_.config.on_task) context_.config.on_task(pid_);
   return send({{"task", to_json_message(sent)}});
 }
 
@@ -568,7 +569,9 @@ void WorkerSession::put_back(const Error& why) noexcept {
           return;
         }
         is_done = true;
-        if (lost->has_value()) end_task(**lost);
+        const auto& job = *lost;
+        if (job && loss.counts) context_.parts.slices.charge_lost_worker(device_, job->tenant);
+        if (job) end_task(*job);
         context_.dispatcher.notify_work();
       }
       is_done = true;

@@ -405,6 +405,15 @@ TEST_F(TimeSlicesTest, cpu_time_within_a_slice_is_not_charged_twice) {
   EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 0.15);
 }
 
+TEST_F(TimeSlicesTest, a_lost_worker_counts_as_time_of_the_device) {
+  weights_ = {{"a", 2}, {"b", 1}};
+  begin("b1", "b");
+  slices_->set_queued("cpu", {"a", "b"});
+  slices_->charge_lost_worker("cpu", "a");
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), TimeSlices::kLostWorkerSeconds / 2);
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "b"), 0);
+}
+
 TEST_F(TimeSlicesTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
   pid_ = 7;
   begin("a1", "a");

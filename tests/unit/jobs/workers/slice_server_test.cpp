@@ -57,10 +57,10 @@ class SliceServerTest : public testing::ServiceTest {
   // None of these workers reports, however long a test takes.
   SliceServerTest() { task_limits_.slice_silence_seconds_max = 3600; }
   FakeSlices connect_slices() { return FakeSlices(dir_.path() / "data/run/tasks.sock"); }
-  std::string submit_as(const std::string& tenant) {
+  std::string submit_as(const std::string& tenant, const std::string& mesh = "mesh") {
     const Caller caller = Caller::tenant(tenant, false);
     JobRequest request;
-    request.asset = service_->put_asset(caller, put_blob("mesh"), "a.ply", "").value().id;
+    request.asset = service_->put_asset(caller, put_blob(mesh), "a.ply", "").value().id;
     return service_->submit(caller, request, {}).value().id;
   }
   JobStatus get(const std::string& id) { return service_->get(Caller::daemon(), id).value(); }
@@ -114,6 +114,17 @@ TEST_F(SliceServerTest, a_lost_worker_releases_its_slice) {
   one_.reset();  // its first connection; the second one is still there
   waiter.join();
   EXPECT_TRUE(one.ask(first_, SliceAction::kRenew).fenced);
+}
+
+TEST_F(SliceServerTest, a_worker_that_a_job_ends_is_charged_to_its_tenant) {
+  const std::string third = submit_as("b", "other mesh");
+  one_.reset();
+  EXPECT_TRUE(testing::comes_true([&] { return get(first_.id).state == JobState::kQueued; }));
+  EXPECT_TRUE(two_->complete(second_, "x"));
+  const auto next = two_->claim();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->id, third) << "the job that was lost came first";
+  EXPECT_TRUE(two_->complete(*next, "y"));
 }
 
 class SliceMemoryTest : public SliceServerTest {

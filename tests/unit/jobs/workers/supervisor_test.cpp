@@ -132,6 +132,26 @@ TEST(Supervisor, a_replaced_worker_is_no_restart_and_the_next_one_starts_at_once
   EXPECT_EQ(supervisor.restarts("llvmpipe", 0), 1);
 }
 
+TEST(Supervisor, workers_that_end_with_a_task_are_followed_without_a_long_pause) {
+  testing::TemporaryDir dir;
+  const auto file = dir.path() / "pids";
+  Supervisor supervisor(shell(dir, "echo $$ >> " + file.string() + "; exec sleep 100"));
+  // All within one deadline: with the pause after an exit that doubles, they would take minutes.
+  constexpr int64_t kTimes = 20;
+  int64_t killed = 0;
+  ASSERT_TRUE(testing::comes_true([&] {
+    if (killed == kTimes) return true;
+    int64_t started = 0, last = 0;
+    std::ifstream in(file);
+    for (int64_t pid = 0; in >> pid;) last = pid, ++started;
+    if (started == killed) return false;
+    supervisor.has_task(last);
+    if (supervisor.kill_worker(last)) ++killed;
+    return false;
+  }));
+  EXPECT_TRUE(testing::comes_true([&] { return supervisor.restarts("llvmpipe", 0) == kTimes; }));
+}
+
 TEST(Supervisor, the_reserve_starts_with_the_first_worker_and_grows_only) {
   testing::TemporaryDir dir;
   const auto file = dir.path() / "starts";
