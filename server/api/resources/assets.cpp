@@ -135,6 +135,7 @@ Reply get_asset(Request& request, Api& api) {
   plan.job = submitted->id;
   plan.place = *std::move(place);
   plan.then = [&api, id = asset->id](Request& asking, const JobStatus& status) {
+    if (status.error) return problem(asking, *status.error);  // the next request makes a new job
     if (status.state != JobState::kDone || !status.result) {
       return job_result_response(asking, api, status);
     }

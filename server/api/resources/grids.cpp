@@ -41,7 +41,6 @@ using OnGrid = std::function<Response(Request&, const StoredBlob&)>;
 // The response to a job that made a level or region of a grid. All cells at level 0 are the grid
 // itself, under whatever name its bytes have.
 Response with_result(Request& request, Api& api, const JobStatus& status, const OnGrid& then) {
-  if (status.error) return problem(request, *status.error);
   if (!status.result) {
     return problem(request, {ErrorCode::kInternal, "the job " + status.id + " has no result", "",
                              std::string(job_state_name(status.state))});

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "proto/container/sequence_format.h"
+#include "proto/text/client_texts.h"
 #include "server/api/resources/jobs/job_responses.h"
 #include "server/api/resources/jobs/job_wait.h"
 #include "server/api/resources/resources.h"
@@ -50,6 +51,14 @@ Reply export_as(Request& request, Api& api, JobRequest job, Format format,
   });
 }
 
+bool is_exportable(const JobRequest& job) {
+  return !job.grid.empty() || !job.sequence.empty();
+}
+
+MediaTypeOf media_types_of(const JobRequest& job) {
+  return job.sequence.empty() ? format_media_type : sequence_media_type;
+}
+
 Error image_has_no_options(const JobResult& result) {
   return {ErrorCode::kInvalidOption, "format",
           "a format with other options, as the result is " + result.media_type, "none"};
@@ -58,17 +67,23 @@ Error image_has_no_options(const JobResult& result) {
 }  // namespace
 
 Status check_result_query(const JobStatus& status, OptionPairs query) {
+  for (const auto& [name, value] : query) {
+    if (name == "filename") VOXELD_TRY(check_filename(value));
+  }
   const auto has_other_than = [&](std::string_view name) {
     return std::ranges::any_of(query, [&](const auto& pair) { return pair.first != name; });
   };
   if (!has_other_than("filename")) return {};
-  const bool names_format =
-      std::ranges::any_of(query, [](const auto& pair) { return pair.first == "format"; });
-  if (!names_format) {
+  const auto named =
+      std::ranges::find_if(query, [](const auto& pair) { return pair.first == "format"; });
+  if (named != query.end()) {
+    if (status.result && !is_exportable(export_of(status))) {
+      return Error{ErrorCode::kInvalidOption, "format",
+                   "none, as the result is " + status.result->media_type, echoed(named->second)};
+    }
+  } else {
     if (!status.result) return {};  // its format is not known yet, and the options depend on it
-    const bool is_sequence = !export_of(status).sequence.empty();
-    const auto own =
-        format_of(status.result->media_type, is_sequence ? sequence_media_type : format_media_type);
+    const auto own = format_of(status.result->media_type, media_types_of(export_of(status)));
     if (!own) return image_has_no_options(*status.result);
     query.emplace_back("format", format_name(*own));
   }
@@ -84,11 +99,11 @@ Reply get_result(Request& request, Api& api) {
     return job_result_response(request, api, *found);
   }
   const JobRequest job = export_of(*status);
-  const MediaTypeOf media_type = job.sequence.empty() ? format_media_type : sequence_media_type;
+  const MediaTypeOf media_type = media_types_of(job);
   const JobResult& result = *status->result;
-  const bool is_exportable = !job.grid.empty() || !job.sequence.empty();
+  const bool has_formats = is_exportable(job);
   const auto requested =
-      requested_format(request, is_exportable ? media_type : nullptr, result.media_type);
+      requested_format(request, has_formats ? media_type : nullptr, result.media_type);
   if (!requested) return problem(request, requested.error());
   const std::optional<Format> own = format_of(result.media_type, media_type);
   const std::optional<Format> format = *requested ? *requested : own;
@@ -98,7 +113,7 @@ Reply get_result(Request& request, Api& api) {
   if (!has_options && (!*requested || format == own)) {
     return job_result_response(request, api, *found);
   }
-  if (is_exportable && format) return export_as(request, api, job, *format, status->filename);
+  if (has_formats && format) return export_as(request, api, job, *format, status->filename);
   if (format) {
     return problem(request, {ErrorCode::kNotAcceptable, "this job's result has one form alone",
                              result.media_type, std::string(media_type(*format))});

@@ -74,11 +74,31 @@ TEST_F(LinksTest, options_are_part_of_a_link) {
   const std::string url = share(job + "/share?format=npy&filename=x%26y%20z");
   EXPECT_NE(url.find("format=npy&filename=x%26y%20z&expires="), std::string::npos) << url;
   share(job + "/share?format=npy&axes=x%26y%20z", 400);  // as the route itself says of such axes
+  share(job + "/share?filename=" + std::string(256, 'x'), 400);
   share(job + "/share?seconds=0", 400);
   share(job + "/share?seconds=2592001", 400);
   share(job + "/share?view=events", 400);
   share(job + "/share?expires=1", 400);
   share("/v1/jobs/j-00000000000000000000000000000000/share", 404);
+}
+
+TEST_F(LinksTest, a_result_that_is_no_grid_has_no_link_to_another_format) {
+  const std::string body = R"({"kind":"inspect","asset":")" + post_asset() + R"("})";
+  const std::string job = "/v1/jobs/" + json(request("POST", "/v1/jobs", "", body)).value("id", "");
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  TaskCompletion completion;
+  completion.task = task->id;
+  completion.fence = task->fence;
+  completion.outputs = {
+      {"result", worker.write("out", "{}").string(), "application/json", "bunny.json"}};
+  worker.complete_with(completion);
+  EXPECT_EQ(get(job + "/result?format=npy").status, 406);
+  const HttpResponse refused = request("POST", job + "/share?format=npy");
+  EXPECT_EQ(refused.status, 400);
+  EXPECT_EQ(refused.detail(), "format");
+  EXPECT_EQ(get(share(job + "/share")).body, "{}");
 }
 
 TEST_F(LinksTest, links_end_with_the_key_that_made_them) {

@@ -177,5 +177,25 @@ TEST_F(UnfinishedTest, the_result_of_a_failed_job_is_its_problem) {
   EXPECT_EQ(response.detail(), "bunny.ply line 3");
 }
 
+TEST_F(UnfinishedTest, a_request_that_would_make_a_new_job_is_told_when_to_try_again) {
+  const std::string grid = json(get(finished_job("x")))["result"]["grid"];
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send("GET /v1/grids/" + grid + "/render.png HTTP/1.1\r\nHost: h\r\n\r\n"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  ASSERT_TRUE(worker.fail(*task, {ErrorCode::kDeviceUnavailable, "no device", "", ""}));
+  const auto image = client.receive();
+  ASSERT_TRUE(image);
+  EXPECT_EQ(image->status, 503);
+  EXPECT_EQ(image->detail(), "no device");
+  EXPECT_NE(image->header("retry-after"), "");
+  const std::string path = "/v1/jobs/" + task->id;
+  for (const HttpResponse& stored : {get(path + "/result"), request("POST", path + "/share")}) {
+    EXPECT_EQ(stored.status, 503);
+    EXPECT_EQ(stored.header("retry-after"), "") << "the job stays failed";
+  }
+}
+
 }  // namespace
 }  // namespace voxeld::api

@@ -163,7 +163,7 @@ Response result_response(const Request& request, Api& api, const JobAndResult& f
   if (status.state != JobState::kDone || !status.result) {
     Response failed = problem(request, ended_error(status));
     // A failed job stays failed, however often its result is asked for.
-    if (request.head.method != "POST") failed.headers.erase("Retry-After");
+    failed.headers.erase("Retry-After");
     return failed;
   }
   if (!blob) return problem(request, blob.error());

@@ -77,6 +77,8 @@ Reply run_transient(Request& request, Api& api, const JobRequest& job, WaitPlace
   plan.then = [cached = submitted->cached, then = std::move(then)](Request& asking,
                                                                    const JobStatus& status) {
     if (!status.ended()) return problem(asking, late_error(status));
+    // The same request makes a new job: a problem that may pass says when to try again.
+    if (status.error) return problem(asking, *status.error);
     JobStatus ended = status;
     ended.cached = cached;
     Response response = then(asking, ended);

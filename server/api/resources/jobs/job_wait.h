@@ -34,7 +34,8 @@ struct JobWaitPlan {
 Reply wait_for_job(Request& request, Api& api, JobWaitPlan plan);
 
 // Submits a job that is cancelled when its client leaves, waits for its end and responds with
-// `then`; jobs that do not end in time are deadline-exceeded.
+// `then`, or with the problem that it ended with; jobs that do not end in time are
+// deadline-exceeded.
 Reply run_transient(Request& request, Api& api, const JobRequest& job,
                     std::function<Response(Request&, const JobStatus&)> then);
 // The same for a request that has its place already, and whose body took `upload_ms`.
