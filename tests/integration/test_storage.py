@@ -271,15 +271,19 @@ class FullDisk(FullDiskTest):
         asset = daemon.upload(self.fixtures / "sample.ply")
         reserve = (64 << 20) // 20
         job = {"kind": "voxelize", "asset": asset, "options": {"size": 8, "cache": "no"}}
+        known = None
         for free, submitted, ready in ((reserve + (1 << 19), 507, 503), (reserve + (8 << 20), 202, 200),
                                        (reserve - (1 << 19), 507, 503)):
             self.leave(free)
             with self.subTest(free=free):
                 self.wait_ready(daemon, ready)
-                response = daemon.post("/v1/jobs", job)
+                response = daemon.post("/v1/jobs", job, headers={"Idempotency-Key": str(free)})
                 self.assertEqual(response.status, submitted, response.body)
                 if submitted == 202:
-                    self.assertEqual(daemon.wait(response.json()["id"])["state"], "done")
+                    known = response.json()["id"]
+                    self.assertEqual(daemon.wait(known)["state"], "done")
+        again = daemon.post("/v1/jobs", job, headers={"Idempotency-Key": str(reserve + (8 << 20))})
+        self.assertEqual((again.status, again.json().get("id")), (200, known), again.body)
 
     def test_on_a_full_disk_jobs_can_be_cancelled_and_their_failure_is_stored(self):
         daemon = self.start("--disk-reserve", "0", "--workers-per-device", "1", data_dir=self.disk + "/data")

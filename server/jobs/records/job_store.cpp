@@ -80,21 +80,22 @@ Result<std::string> check_input(SqlConnection& connection, const Caller& caller,
   return own ? caller.tenant() : Caller::nobody().tenant();
 }
 
-// The job that used this key within a day, or an empty id; also where that job's row went since.
-Result<std::string> job_of_key(SqlConnection& connection, std::string_view tenant,
-                               std::string_view key, std::string_view hash, int64_t now_ms) {
+// The job that used this key within a day; none where its row went since.
+Result<std::optional<JobRecord>> job_of_key(SqlConnection& connection, const Caller& caller,
+                                            std::string_view key, std::string_view hash) {
   VOXELD_ASSIGN(SqlStatement found,
                 connection.query("SELECT request_hash, job_id FROM idempotency_keys"
                                  " WHERE tenant = $1 AND idempotency_key = $2 AND created_ms > $3"
                                  " AND EXISTS (SELECT 1 FROM jobs WHERE id = job_id)",
-                                 tenant, key, now_ms - kIdempotencyKeptMs));
+                                 caller.tenant(), key, unix_time_ms() - kIdempotencyKeptMs));
   VOXELD_ASSIGN(const bool row, found.step());
-  if (!row) return std::string();
+  if (!row) return std::optional<JobRecord>();
   if (found.text(0) != hash) {
     return Error{ErrorCode::kIdempotencyMismatch,
                  "this Idempotency-Key was used for another request", "", ""};
   }
-  return found.text(1);
+  VOXELD_ASSIGN(JobRecord record, load_job(connection, caller, found.text(1)));
+  return std::optional(std::move(record));
 }
 
 Status remember_key(SqlConnection& connection, std::string_view tenant, std::string_view key,
@@ -270,11 +271,10 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     const int64_t now = unix_time_ms();
     const std::string key_hash = idempotency_hash(request);  // before the name is filled in
     if (!options.idempotency_key.empty()) {
-      VOXELD_ASSIGN(const std::string earlier,
-                    job_of_key(connection, tenant, options.idempotency_key, key_hash, now));
-      if (!earlier.empty()) {
-        VOXELD_ASSIGN(JobRecord record, load_job(connection, caller, earlier));
-        submitted = Submitted{std::move(record), true};
+      VOXELD_ASSIGN(auto earlier,
+                    job_of_key(connection, caller, options.idempotency_key, key_hash));
+      if (earlier) {
+        submitted = Submitted{*std::move(earlier), true};
         return {};
       }
     }
@@ -308,6 +308,13 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
   };
   VOXELD_TRY(database_.write(insert, options.transient ? Durability::kSoon : Durability::kNow));
   return *std::move(submitted);
+}
+
+Result<std::optional<JobRecord>> JobStore::known(const Caller& caller, const JobRequest& request,
+                                                 std::string_view idempotency_key) {
+  if (idempotency_key.empty()) return std::optional<JobRecord>();
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return job_of_key(*reader, caller, idempotency_key, idempotency_hash(request));
 }
 
 Result<bool> JobStore::has_result(const Caller& caller, JobRequest& request) {

@@ -89,6 +89,11 @@ class JobStore {
   Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
                            const QueueLimits& limits);
 
+  // The job that submit() would find by the request's Idempotency-Key; nullopt: it would make one.
+  // Errors: idempotency-mismatch.
+  Result<std::optional<JobRecord>> known(const Caller& caller, const JobRequest& request,
+                                         std::string_view idempotency_key);
+
   // Whether submit() would answer from a result that is there. Fills in what submit() fills in.
   // Errors: those of the input.
   Result<bool> has_result(const Caller& caller, JobRequest& request);

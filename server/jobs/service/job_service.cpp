@@ -160,6 +160,12 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
   if (draining_) {
     return Error{ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""};
   }
+  // A job that is there needs no room on the disk.
+  VOXELD_ASSIGN(auto earlier, jobs_.known(caller, request, options.idempotency_key));
+  if (earlier) {
+    overlay(earlier->status);
+    return std::move(earlier->status);
+  }
   VOXELD_TRY(blobs_.disk().for_jobs());
   verify_reusable(caller, request);
   // Its input, or the result that it ends with, may be what a transient job left a moment ago.

@@ -376,6 +376,9 @@ TEST_F(JobStoreTest, an_idempotency_key_gives_the_same_job_and_refuses_another_r
   EXPECT_FALSE(one->existed);
   EXPECT_TRUE(two->existed);
   EXPECT_EQ(one->record.status.id, two->record.status.id);
+  EXPECT_EQ(store_->known(Caller::open(), first, "key-1").value()->status.id,
+            two->record.status.id);
+  EXPECT_FALSE(store_->known(Caller::open(), first, "key-2").value());
   first.options.voxelize.placement.size = 64;
   const auto other = store_->submit(Caller::open(), first, options, {kQueueMax, 0});
   ASSERT_FALSE(other);
