@@ -46,29 +46,38 @@ double overrun(const JobEstimate& estimate, double device_seconds) {
 
 }  // namespace
 
-void QueueForecast::changed(const JobRecord& record, const JobInput& input) {
+void QueueForecast::add(const JobRecord& record, const JobInput& input) {
   const JobStatus& status = record.status;
   const MutexLock lock(mutex_);
-  refreshed_ = {};
+  Live& live = live_[status.id];
+  live.tenant = record.tenant;
+  live.seq = record.seq;
+  live.work = work_of(status.kind, options_of(status), input);
+  live.estimate = costs_.estimate(live.work);
+  set_status(live, record);
+}
+
+void QueueForecast::changed(const JobRecord& record) {
+  const JobStatus& status = record.status;
+  const MutexLock lock(mutex_);
+  const auto found = live_.find(status.id);
+  if (found == live_.end()) return;
   if (status.ended()) {
-    const auto found = live_.find(status.id);
-    if (found == live_.end()) return;
+    refreshed_ = {};
     if (status.state != JobState::kDone) {
       costs_.learn_at_least(found->second.work, status.device_ms / 1000);
     } else if (!status.cached) {
       costs_.learn(found->second.work, status);
     }
     live_.erase(found);
-    return;
+  } else if (status.version >= found->second.status.version) {
+    set_status(found->second, record);
   }
-  const auto [it, is_new] = live_.try_emplace(status.id);
-  Live& live = it->second;
-  if (is_new) {
-    live.tenant = record.tenant;
-    live.seq = record.seq;
-    live.work = work_of(status.kind, options_of(status), input);
-    live.estimate = costs_.estimate(live.work);
-  }
+}
+
+void QueueForecast::set_status(Live& live, const JobRecord& record) {
+  const JobStatus& status = record.status;
+  refreshed_ = {};
   live.deadline_ms = record.deadline_ms;
   live.is_running = status.state == JobState::kRunning;
   live.status = status;
@@ -153,9 +162,12 @@ void QueueForecast::fill(JobStatus& status) {
 JobStatus QueueForecast::estimate(const std::string& tenant, const JobRequest& request,
                                   const JobInput& input) {
   const JobEstimate estimate = costs_.estimate(work_of(request.kind, request.options, input));
-  const MutexLock lock(mutex_);
   std::vector<ForecastJob> jobs;
-  for (auto& [id, job] : queue()) jobs.push_back(job);
+  {
+    const MutexLock lock(mutex_);
+    for (auto& [id, job] : queue()) jobs.push_back(std::move(job));
+  }
+  // Without the lock, for which every change of a job would wait.
   jobs.push_back({tenant, weight_(tenant), estimate.seconds, false});
   const ForecastTimes times = forecast(jobs, devices_).back();
   const int64_t now_ms = unix_time_ms();

@@ -30,8 +30,11 @@ class QueueForecast {
         weight_(std::move(weight)),
         overlay_(std::move(overlay)) {}
 
-  // A job was queued, claimed, put back or ended. `input` counts when it is new.
-  void changed(const JobRecord& record, const JobInput& input) EXCLUDES(mutex_);
+  // A job was submitted.
+  void add(const JobRecord& record, const JobInput& input) EXCLUDES(mutex_);
+  // One of these was claimed, put back or ended. What is told late, of a job that has ended or has
+  // changed again, is left out.
+  void changed(const JobRecord& record) EXCLUDES(mutex_);
   // Adds estimate and expected times to the status, with device time, of a job that has not ended.
   void fill(JobStatus& status) EXCLUDES(mutex_);
   // That a job is expected to take from now on; 0 of one that is not known.
@@ -62,6 +65,7 @@ class QueueForecast {
   struct Expected {
     int64_t start_ms = 0, end_ms = 0;
   };
+  void set_status(Live& live, const JobRecord& record) REQUIRES(mutex_);
   double seconds_left(const Live& live, int64_t now_ms);
   std::vector<std::pair<std::string, ForecastJob>> queue() REQUIRES(mutex_);
   void refresh() REQUIRES(mutex_);

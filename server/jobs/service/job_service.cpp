@@ -31,7 +31,7 @@ void Service::overlay(JobStatus& status) {
 void Service::job_changed(const JobRecord& record) noexcept {
   const JobStatus& status = record.status;
   const auto step = [](const auto& work) { guarded_twice("the change of a job", work); };
-  step([&] { forecast_.changed(record, {}); });
+  step([&] { forecast_.changed(record); });
   step([&] { log_job_change(record); });
   if (status.ended()) {
     job_ended(record);
@@ -212,9 +212,8 @@ void Service::job_submitted(const JobRecord& record, const SubmitOptions& option
 void Service::forecast(JobRecord record) {
   const JobStatus& status = record.status;
   const JobInput input = job_input(record.asset_tenant, status.asset, status.grid, status.sequence);
-  while (true) {
-    forecast_.changed(record, input);
-    if (record.status.ended()) return;
+  forecast_.add(record, input);
+  do {
     auto now = jobs_.get(Caller::daemon(), record.status.id, JobTexts::kBrief);
     if (now && now->status.version == record.status.version) return;
     if (now) {
@@ -222,7 +221,8 @@ void Service::forecast(JobRecord record) {
     } else {
       record.status.state = JobState::kCancelled;  // its record was removed
     }
-  }
+    forecast_.changed(record);
+  } while (!record.status.ended());
 }
 
 Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {

@@ -207,8 +207,8 @@ void Service::forecast_waiting() {
   const Status listed =
       jobs_.list(Caller::daemon(), query, [&](JobRecord&& record) -> Result<bool> {
         const JobStatus& status = record.status;
-        forecast_.changed(
-            record, job_input(record.asset_tenant, status.asset, status.grid, status.sequence));
+        forecast_.add(record,
+                      job_input(record.asset_tenant, status.asset, status.grid, status.sequence));
         return true;
       });
   if (!listed) log::warn("cannot forecast waiting jobs", {{"error", listed.error().message()}});

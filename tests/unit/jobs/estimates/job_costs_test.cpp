@@ -164,10 +164,10 @@ TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
   QueueForecast queue(costs, 1, weight, [](JobStatus&) {});
   JobRecord urgent = record("urgent", "light", 3);
   urgent.status.priority = 5;
-  queue.changed(record("first", "light", 1), kInput);
-  queue.changed(record("second", "light", 2), kInput);
-  queue.changed(urgent, kInput);
-  queue.changed(record("heavy", "heavy", 4), kInput);
+  queue.add(record("first", "light", 1), kInput);
+  queue.add(record("second", "light", 2), kInput);
+  queue.add(urgent, kInput);
+  queue.add(record("heavy", "heavy", 4), kInput);
   const auto end_of = [&](const char* id) {
     JobStatus status;
     status.id = id;
@@ -199,7 +199,7 @@ TEST_F(JobCostsTest, options_of_jobs_that_wait_are_not_kept) {
   for (int i = 0; i < kJobs; ++i) {
     JobRecord waiting = record("j-" + std::to_string(i), "", i);
     waiting.status.options_json.append(kBytes, ' ');
-    queue.changed(waiting, kInput);
+    queue.add(waiting, kInput);
   }
   EXPECT_LT(testing::heap_bytes() - before, kJobs * kBytes / 4);
 }
@@ -208,7 +208,7 @@ TEST_F(JobCostsTest, a_running_job_tells_how_far_it_is_beyond_its_estimate) {
   JobCosts costs(file());
   QueueForecast queue(
       costs, 1, [](const std::string&) { return 1.0; }, [](JobStatus&) {});
-  queue.changed(record("j-1", "", 1), kInput);
+  queue.add(record("j-1", "", 1), kInput);
   JobStatus status;
   status.id = "j-1";
   queue.fill(status);
@@ -224,24 +224,43 @@ TEST_F(JobCostsTest, a_running_job_tells_how_far_it_is_beyond_its_estimate) {
   EXPECT_NEAR(status.estimate->overrun, 100, 1e-6);
 }
 
+TEST_F(JobCostsTest, a_change_that_is_told_late_is_left_out) {
+  JobCosts costs(file());
+  QueueForecast queue(
+      costs, 1, [](const std::string&) { return 1.0; }, [](JobStatus&) {});
+  JobRecord waiting = record("j-1", "", 1);
+  queue.add(waiting, kInput);
+  const double expected = queue.expected_seconds("j-1");
+  JobRecord running = waiting;
+  running.status.state = JobState::kRunning;  // since 1970
+  running.status.version = waiting.status.version + 1;
+  queue.changed(running);
+  EXPECT_GT(queue.expected_seconds("j-1"), 2 * expected) << "it is late";
+  queue.changed(waiting);
+  EXPECT_GT(queue.expected_seconds("j-1"), 2 * expected);
+}
+
 TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {
   JobCosts costs(file());
   QueueForecast queue(
       costs, 1, [](const std::string&) { return 1.0; }, [](JobStatus&) {});
-  queue.changed(record("j-1", "", 1), kInput);
+  queue.add(record("j-1", "", 1), kInput);
   JobRecord ended = record("j-1", "", 1);
   ended.status = done_job();
-  queue.changed(ended, {});
+  queue.changed(ended);
   EXPECT_EQ(costs.estimate(work(256)).learned_from, 1);
   JobStatus status;
   status.id = "j-1";
   queue.fill(status);
   EXPECT_FALSE(status.estimate);
+  queue.changed(record("j-1", "", 1));  // told by a thread that was late
+  queue.fill(status);
+  EXPECT_FALSE(status.estimate);
   // It took another job's result, so its times say nothing about the cost of such work.
-  queue.changed(record("j-2", "", 2), kInput);
+  queue.add(record("j-2", "", 2), kInput);
   ended.status.id = "j-2";
   ended.status.cached = true;
-  queue.changed(ended, {});
+  queue.changed(ended);
   EXPECT_EQ(costs.estimate(work(256)).learned_from, 1);
 }
 
