@@ -18,9 +18,10 @@ constexpr std::string_view kRowNumber = "ROW_NUMBER";
 // `tenant`, so that rows of others are not even read. Times (…_ms) are Unix time in milliseconds;
 // 0: not yet.
 constexpr std::string_view kAssets = R"sql(
--- Uploads. The same bytes of two tenants are two rows. A deleted asset whose blob is gone has bytes
--- of -1. aged_ms: when it was used or deleted last, by the clock of retention (kept_clock.h);
--- 0: Retention::note_ages() has not seen that yet. files_bytes: of its rows in bundle_files.
+-- Uploads. The same bytes of two tenants are two rows. A deleted asset has bytes of -1 once its
+-- blob is gone or left to others who have it. aged_ms: when it was used or deleted last, by the
+-- clock of retention (kept_clock.h); 0: Retention::note_ages() has not seen that yet. files_bytes:
+-- of its rows in bundle_files.
 CREATE TABLE assets (
   tenant TEXT NOT NULL,
   id TEXT NOT NULL,

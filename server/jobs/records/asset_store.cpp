@@ -1,6 +1,7 @@
 #include "server/jobs/records/asset_store.h"
 
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "proto/asset_id.h"
@@ -38,18 +39,40 @@ Result<SqlStatement> select_asset(SqlConnection& connection, const Caller& calle
   return connection.query(caller.sees_all() ? any : own, id, caller.tenant());
 }
 
-// Deleted assets whose blob may still be there and that nothing needs.
-Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
-  static const std::string sql =
-      "SELECT DISTINCT id FROM assets a WHERE deleted_ms <> 0 AND bytes >= 0 AND NOT " +
-      needed_sql("a.id");
-  VOXELD_ASSIGN(SqlStatement rows, connection.query(sql));
-  std::vector<std::string> ids;
+// A row of an asset that is deleted.
+struct DeletedAsset {
+  std::string id, tenant;
+};
+
+// Deleted assets that nobody has looked at since, and that no live job of their tenant needs.
+Result<std::vector<DeletedAsset>> deleted_assets(SqlConnection& connection) {
+  VOXELD_ASSIGN(
+      SqlStatement rows,
+      connection.query("SELECT a.id, a.tenant FROM assets a WHERE a.deleted_ms <> 0"
+                       " AND a.bytes >= 0"
+                       " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.asset = a.id"
+                       "   AND n.asset <> '' AND n.asset_tenant = a.tenant"
+                       "   AND n.state IN ('queued', 'running'))"
+                       " AND NOT EXISTS (SELECT 1 FROM bundle_files b JOIN jobs n"
+                       "   ON n.asset = b.bundle WHERE b.asset = a.id AND b.tenant = a.tenant"
+                       "   AND n.asset <> '' AND n.asset_tenant = a.tenant"
+                       "   AND n.state IN ('queued', 'running'))"));
+  std::vector<DeletedAsset> assets;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
-    if (!row) return ids;
-    ids.push_back(rows.text(0));
+    if (!row) return assets;
+    assets.push_back({rows.text(0), rows.text(1)});
   }
+}
+
+// The rest of the row only records that the asset was deleted.
+Status keep_record(SqlConnection& connection, const DeletedAsset& asset) {
+  VOXELD_TRY(connection.run("DELETE FROM bundle_files WHERE bundle = $1 AND tenant = $2", asset.id,
+                            asset.tenant));
+  return connection.run(
+      "UPDATE assets SET bytes = -1, filename = '', content_type = '', description_json = '',"
+      " files_bytes = 0 WHERE id = $1 AND tenant = $2",
+      asset.id, asset.tenant);
 }
 
 // The asset that the caller's tenant has of these bytes already.
@@ -265,30 +288,26 @@ Result<int64_t> AssetStore::remove_unneeded() {
   {
     // Mostly there is nothing to do, and reading is cheap.
     VOXELD_ASSIGN(Database::Lease reader, database_.read());
-    VOXELD_ASSIGN(const auto ids, unneeded(*reader));
-    if (ids.empty()) return int64_t{0};
+    VOXELD_ASSIGN(const auto deleted, deleted_assets(*reader));
+    if (deleted.empty()) return int64_t{0};
   }
-  int64_t removed = 0;
+  int64_t done = 0;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const auto ids, unneeded(connection));
-    VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, ids, remove_blob()));
-    for (const std::string& id : gone) {
-      // The rest of the row only records that it was deleted.
-      VOXELD_TRY(
-          connection.run("DELETE FROM bundle_files WHERE bundle = $1 AND tenant IN"
-                         " (SELECT tenant FROM assets WHERE id = $1 AND deleted_ms <> 0)",
-                         id));
-      // A negative size says that the bytes are gone, so that this row is not looked at again.
-      VOXELD_TRY(
-          connection.run("UPDATE assets SET bytes = -1, filename = '', content_type = '',"
-                         " description_json = '', files_bytes = 0 WHERE id = $1",
-                         id));
-      ++removed;
+    VOXELD_ASSIGN(const auto deleted, deleted_assets(connection));
+    std::set<std::string> ids;
+    for (const DeletedAsset& asset : deleted) ids.insert(asset.id);
+    VOXELD_TRY(remove_blobs(connection, database_, {ids.begin(), ids.end()}, remove_blob()));
+    for (const DeletedAsset& asset : deleted) {
+      // Whoever keeps the blob lets it go. One that is there and that nobody keeps could not go.
+      VOXELD_ASSIGN(const bool is_kept, is_needed(connection, asset.id));
+      if (!is_kept && blobs_.stat(asset.id)) continue;
+      VOXELD_TRY(keep_record(connection, asset));
+      ++done;
     }
     return {};
   });
   VOXELD_TRY(committed);
-  return removed;
+  return done;
 }
 
 Status AssetStore::remove_unnamed(const std::vector<std::string>& ids) {

@@ -43,9 +43,10 @@ class AssetStore {
               const std::function<bool(const Asset&)>& take);
   // For a caller who sees all: of every tenant that has it. Errors: not-found, gone.
   Status mark_deleted(const Caller& caller, std::string_view id);
-  // Removes blobs of assets that every tenant who had them has deleted, and that no live job,
-  // bundle of a live job, result or grid needs. Runs where nothing can start to need one
-  // meanwhile: inside the database's only writer. Returns how many went.
+  // Looks at each deleted asset once no live job of its tenant needs it or its bundle: removes the
+  // blob, unless others have it as an asset, result or input, and what the row has but the id. Runs
+  // where nothing can start to need a blob meanwhile: inside the database's only writer. Returns
+  // how many assets that were.
   Result<int64_t> remove_unneeded();
   // Removes those of these blobs that nobody's row names: what a job left that may not keep it.
   Status remove_unnamed(const std::vector<std::string>& ids);

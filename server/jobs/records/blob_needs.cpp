@@ -7,6 +7,31 @@
 namespace voxeld {
 namespace {
 
+// Whether a row needs the blob $1.
+constexpr std::string_view kIsNeeded =
+    "SELECT CASE WHEN"
+    " (EXISTS (SELECT 1 FROM assets n WHERE n.id = $1 AND n.deleted_ms = 0)"
+    " OR EXISTS (SELECT 1 FROM results n WHERE n.blob = $1 AND n.expired_ms = 0)"
+    " OR EXISTS (SELECT 1 FROM results n WHERE n.grid = $1 AND n.grid <> ''"
+    "            AND n.expired_ms = 0)"
+    " OR EXISTS (SELECT 1 FROM results n WHERE n.sequence = $1 AND n.sequence <> ''"
+    "            AND n.expired_ms = 0)"
+    " OR EXISTS (SELECT 1 FROM frames n WHERE n.grid = $1 AND n.expired_ms = 0)"
+    // As the partial indexes on live jobs have it, one for each of the three.
+    " OR EXISTS (SELECT 1 FROM jobs n WHERE n.asset = $1 AND n.asset <> ''"
+    "            AND n.state IN ('queued', 'running'))"
+    " OR EXISTS (SELECT 1 FROM jobs n WHERE n.grid = $1 AND n.grid <> ''"
+    "            AND n.state IN ('queued', 'running'))"
+    " OR EXISTS (SELECT 1 FROM jobs n WHERE n.sequence = $1 AND n.sequence <> ''"
+    "            AND n.state IN ('queued', 'running'))"
+    " OR EXISTS (SELECT 1 FROM bundle_files b JOIN jobs n ON n.asset = b.bundle"
+    "            WHERE b.asset = $1 AND n.asset <> '' AND n.state IN ('queued', 'running'))"
+    // Frames of a sequence that was deleted while a job works on it.
+    " OR EXISTS (SELECT 1 FROM frames f JOIN results r ON r.job_id = f.job_id"
+    "            JOIN jobs n ON n.sequence = r.sequence WHERE f.grid = $1"
+    "            AND n.sequence <> '' AND n.state IN ('queued', 'running')))"
+    " THEN 1 ELSE 0 END";
+
 // The ids among `ids` that no row needs, as this connection sees it.
 Result<std::vector<std::string>> free_blobs(SqlConnection& connection,
                                             const std::vector<std::string>& ids) {
@@ -20,38 +45,8 @@ Result<std::vector<std::string>> free_blobs(SqlConnection& connection,
 
 }  // namespace
 
-std::string needed_sql(const std::string& column) {
-  std::string sql =
-      "(EXISTS (SELECT 1 FROM assets n WHERE n.id = ID AND n.deleted_ms = 0)"
-      " OR EXISTS (SELECT 1 FROM results n WHERE n.blob = ID AND n.expired_ms = 0)"
-      " OR EXISTS (SELECT 1 FROM results n WHERE n.grid = ID AND n.grid <> ''"
-      "            AND n.expired_ms = 0)"
-      " OR EXISTS (SELECT 1 FROM results n WHERE n.sequence = ID AND n.sequence <> ''"
-      "            AND n.expired_ms = 0)"
-      " OR EXISTS (SELECT 1 FROM frames n WHERE n.grid = ID AND n.expired_ms = 0)"
-      // As the partial indexes on live jobs have it, one for each of the three.
-      " OR EXISTS (SELECT 1 FROM jobs n WHERE n.asset = ID AND n.asset <> ''"
-      "            AND n.state IN ('queued', 'running'))"
-      " OR EXISTS (SELECT 1 FROM jobs n WHERE n.grid = ID AND n.grid <> ''"
-      "            AND n.state IN ('queued', 'running'))"
-      " OR EXISTS (SELECT 1 FROM jobs n WHERE n.sequence = ID AND n.sequence <> ''"
-      "            AND n.state IN ('queued', 'running'))"
-      " OR EXISTS (SELECT 1 FROM bundle_files b JOIN jobs n ON n.asset = b.bundle"
-      "            WHERE b.asset = ID AND n.asset <> '' AND n.state IN ('queued', 'running'))"
-      // Frames of a sequence that was deleted while a job works on it.
-      " OR EXISTS (SELECT 1 FROM frames f JOIN results r ON r.job_id = f.job_id"
-      "            JOIN jobs n ON n.sequence = r.sequence WHERE f.grid = ID"
-      "            AND n.sequence <> '' AND n.state IN ('queued', 'running')))";
-  for (size_t at = sql.find("ID"); at != std::string::npos; at = sql.find("ID", at)) {
-    sql.replace(at, 2, column);
-    at += column.size();
-  }
-  return sql;
-}
-
 Result<bool> is_needed(SqlConnection& connection, std::string_view id) {
-  static const std::string sql = "SELECT CASE WHEN " + needed_sql("$1") + " THEN 1 ELSE 0 END";
-  VOXELD_ASSIGN(SqlStatement answer, connection.query(sql, id));
+  VOXELD_ASSIGN(SqlStatement answer, connection.query(kIsNeeded, id));
   VOXELD_TRY(answer.step());
   return answer.int64(0) != 0;
 }

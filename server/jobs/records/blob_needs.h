@@ -12,8 +12,7 @@
 
 namespace voxeld {
 
-// An SQL condition: a row needs the blob whose id `column` is.
-std::string needed_sql(const std::string& column);
+// Whether a row needs the blob.
 Result<bool> is_needed(SqlConnection& connection, std::string_view id);
 
 // Removes those of `ids` that nothing needs, and that are not pinned, by `remove`: of the store, or

@@ -54,30 +54,14 @@ Result<std::vector<ExpiringResult>> old_results(SqlConnection& connection, std::
   }
 }
 
-// Deleted assets `a` whose rows may go: no bytes are left for them to remove, or others keep the
-// bytes. Were those rows kept for that, they would tell who else has the same bytes.
-constexpr std::string_view kForgettable =
-    "(a.bytes < 0 OR (a.deleted_ms <> 0"
-    " AND (EXISTS (SELECT 1 FROM assets n WHERE n.id = a.id AND n.deleted_ms = 0)"
-    "  OR EXISTS (SELECT 1 FROM results n WHERE n.blob = a.id AND n.expired_ms = 0)"
-    "  OR EXISTS (SELECT 1 FROM results n WHERE n.grid = a.id AND n.grid <> ''"
-    "             AND n.expired_ms = 0)"
-    "  OR EXISTS (SELECT 1 FROM results n WHERE n.sequence = a.id AND n.sequence <> ''"
-    "             AND n.expired_ms = 0)"
-    "  OR EXISTS (SELECT 1 FROM frames n WHERE n.grid = a.id AND n.expired_ms = 0))"
-    " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.asset = a.id AND n.asset <> ''"
-    "                 AND n.asset_tenant = a.tenant AND n.state IN ('queued', 'running'))"
-    " AND NOT EXISTS (SELECT 1 FROM bundle_files b JOIN jobs n ON n.asset = b.bundle"
-    "                 WHERE b.asset = a.id AND b.tenant = a.tenant AND n.asset_tenant = a.tenant"
-    "                 AND n.asset <> '' AND n.state IN ('queued', 'running'))))";
-
-// Removes a batch of the deleted assets of which `condition` on $1 is true, by the column `order`.
+// Removes a batch of the deleted assets of which `condition` on $1 is true, by the column `order`;
+// of those that need no look any more (AssetStore::remove_unneeded).
 template <typename Value>
 Status forget_assets(SqlConnection& connection, std::string_view condition, std::string_view order,
                      const Value& value) {
-  const std::string which = " (SELECT id, tenant FROM assets a WHERE deleted_ms <> 0 AND " +
-                            std::string(condition) + " AND " + std::string(kForgettable) +
-                            " ORDER BY " + std::string(order) + " LIMIT $2)";
+  const std::string which = " (SELECT id, tenant FROM assets WHERE bytes < 0 AND " +
+                            std::string(condition) + " ORDER BY " + std::string(order) +
+                            " LIMIT $2)";
   VOXELD_TRY(
       connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + which, value, kBatch));
   return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + which, value, kBatch);

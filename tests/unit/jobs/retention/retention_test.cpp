@@ -220,7 +220,7 @@ TEST_F(RetentionTest, a_deleted_asset_is_forgotten_whether_or_not_others_have_it
   }
   ASSERT_TRUE(assets_.put(studio, {ours, 4}, "a.ply", "", 0));
   for (const std::string& id : {ours, mine}) ASSERT_TRUE(assets_.mark_deleted(lab, id));
-  EXPECT_EQ(assets_.remove_unneeded().value(), 1);
+  EXPECT_EQ(assets_.remove_unneeded().value(), 2);
   age_all();
   ASSERT_TRUE(retention_.trim_jobs(kEndOfTimeMs, 100));
   for (const std::string& id : {ours, mine}) {
@@ -228,6 +228,9 @@ TEST_F(RetentionTest, a_deleted_asset_is_forgotten_whether_or_not_others_have_it
   }
   EXPECT_TRUE(assets_.get(studio, ours));
   EXPECT_TRUE(stored("ours"));
+  ASSERT_TRUE(assets_.mark_deleted(studio, ours));
+  EXPECT_EQ(assets_.remove_unneeded().value(), 1);
+  EXPECT_FALSE(stored("ours"));
 }
 
 TEST_F(RetentionTest, what_expired_is_not_counted_as_kept) {
@@ -305,6 +308,7 @@ TEST_F(RetentionTest, the_record_of_a_deleted_bundle_goes_with_the_rows_of_its_f
         assets_.put_bundle(caller, {bundle, 8}, "a.bundle.json", {BundleFile{"a.ply", mesh}}, 0));
   }
   ASSERT_TRUE(assets_.mark_deleted(lab, bundle));
+  EXPECT_EQ(assets_.remove_unneeded().value(), 1);
   EXPECT_EQ(retention_.trim_records(1).value(), 1);
   EXPECT_EQ(count("bundle_files WHERE tenant = 'lab'"), 0);
   EXPECT_EQ(count("bundle_files WHERE tenant = 'studio'"), 1);
