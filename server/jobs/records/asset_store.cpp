@@ -125,18 +125,38 @@ Result<Asset> put_named(SqlConnection& connection, const ObjectStore& blobs, con
   return asset;
 }
 
-Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::string_view tenant,
-                                            std::string_view id) {
-  VOXELD_ASSIGN(SqlStatement rows,
-                connection.query("SELECT name, asset FROM bundle_files"
-                                 " WHERE bundle = $1 AND tenant = $2 ORDER BY position",
-                                 id, tenant));
+Result<std::vector<BundleFile>> read_files(SqlStatement rows) {
   std::vector<BundleFile> files;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
     if (!row) return files;
     files.push_back({rows.text(0), rows.text(1)});
   }
+}
+
+Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::string_view tenant,
+                                            std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement rows,
+                connection.query("SELECT name, asset FROM bundle_files"
+                                 " WHERE bundle = $1 AND tenant = $2 ORDER BY position",
+                                 id, tenant));
+  return read_files(std::move(rows));
+}
+
+// Those that are not plainly an asset of the tenant and no bundle, mostly none: a bundle may have
+// limits::kBundleEntriesMax files, and each submission looks at them.
+Result<std::vector<BundleFile>> doubtful_files(SqlConnection& connection, std::string_view tenant,
+                                               std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement rows,
+                connection.query("SELECT name, asset FROM bundle_files b"
+                                 " WHERE bundle = $1 AND tenant = $2"
+                                 " AND (NOT EXISTS (SELECT 1 FROM assets a WHERE a.id = b.asset"
+                                 "   AND a.tenant = b.tenant AND a.deleted_ms = 0)"
+                                 " OR EXISTS (SELECT 1 FROM bundle_files n"
+                                 "   WHERE n.bundle = b.asset AND n.tenant = b.tenant))"
+                                 " ORDER BY position",
+                                 id, tenant));
+  return read_files(std::move(rows));
 }
 
 // Files of a bundle are its tenant's own, also where an admin looks at it.
@@ -200,7 +220,7 @@ Result<Asset> load_asset(SqlConnection& connection, const Caller& caller, std::s
 }
 
 Status check_bundle(SqlConnection& connection, std::string_view tenant, std::string_view id) {
-  VOXELD_ASSIGN(const auto files, load_bundle(connection, tenant, id));
+  VOXELD_ASSIGN(const auto files, doubtful_files(connection, tenant, id));
   for (const BundleFile& file : files) VOXELD_TRY(check_bundle_file(connection, tenant, file));
   return {};
 }
