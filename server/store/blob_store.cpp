@@ -380,8 +380,12 @@ Status BlobStore::restore(const QuarantinedBlob& blob) {
   if (::link(blob.path.c_str(), target.c_str()) == 0) {
     state_->bytes += static_cast<int64_t>(info.st_size);
     VOXELD_TRY(sync_path(target.parent_path()));
-  } else if (errno != EEXIST) {
-    return errno_error("move back into the store", blob.path);
+  } else if (errno != EEXIST && ::access(target.c_str(), F_OK) != 0) {  // links are not known here
+    if (::rename(blob.path.c_str(), target.c_str()) != 0) {
+      return errno_error("move back into the store", blob.path);
+    }
+    state_->bytes += static_cast<int64_t>(info.st_size);
+    return sync_path(target.parent_path());
   }
   if (::unlink(blob.path.c_str()) != 0) return errno_error("remove", blob.path);
   return {};

@@ -1,13 +1,30 @@
 #include "server/store/quarantine.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 #include <string>
 
 #include "server/base/sha256.h"
 #include "server/store/blob_store.h"
 #include "tests/unit/base/temporary_dir.h"
+
+namespace {
+
+bool has_links = true;
+
+}  // namespace
+
+// In the place of libc's for the whole test program.
+extern "C" int link(const char* from, const char* to) noexcept {
+  if (has_links) return static_cast<int>(::syscall(SYS_linkat, AT_FDCWD, from, AT_FDCWD, to, 0));
+  errno = EPERM;
+  return -1;
+}
 
 namespace voxeld {
 namespace {
@@ -50,6 +67,23 @@ TEST_F(QuarantineTest, where_the_bytes_were_uploaded_again_the_copy_goes) {
   ASSERT_TRUE(store_.restore(quarantine_.list().value().at(0)));
   EXPECT_EQ(store_.bytes(), 4);
   EXPECT_TRUE(store_.stat(id));
+  EXPECT_TRUE(quarantine_.list().value().empty());
+}
+
+TEST_F(QuarantineTest, blobs_come_back_on_a_file_system_without_links_too) {
+  const std::string lost = put("lost"), again = put("again");
+  for (const std::string& id : {lost, again}) ASSERT_TRUE(store_.quarantine(id, "2026-11-22"));
+  put("again");
+  has_links = false;
+  const auto listed = quarantine_.list().value();
+  for (const QuarantinedBlob& blob : listed) {
+    const Status restored = store_.restore(blob);
+    EXPECT_TRUE(restored) << restored.error().message();
+  }
+  has_links = true;
+  EXPECT_EQ(store_.bytes(), 4 + 5);
+  EXPECT_TRUE(store_.stat(lost));
+  EXPECT_TRUE(store_.stat(again));
   EXPECT_TRUE(quarantine_.list().value().empty());
 }
 
