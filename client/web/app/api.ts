@@ -217,14 +217,14 @@ export class Api {
     signal?: AbortSignal,
   ): Promise<{ status: number; text: string; retryAfter: string | null }> {
     return new Promise((resolve, reject) => {
-      if (signal?.aborted) return reject(new DOMException("", "AbortError"));
+      if (signal?.aborted) return reject(signal.reason);
       const request = new XMLHttpRequest();
       request.open("POST", path);
       request.setRequestHeader("Content-Type", type);
       if (key !== null) request.setRequestHeader("Authorization", `Bearer ${key}`);
       request.upload.onprogress = event => onProgress(event.loaded);
       request.onloadend = () => {
-        if (signal?.aborted) reject(new DOMException("", "AbortError"));
+        if (signal?.aborted) reject(signal.reason);
         else
           resolve({
             status: request.status,

@@ -252,17 +252,13 @@ export class App {
     this.#asset = null;
     this.#jobs = new Set();
     this.#keepCamera = false;
-    this.#stage.clear();
-    document.body.classList.remove("shown");
-    this.#timeline.show(0, 0, 1);
-    this.#take.show(null);
+    this.#clear();
     this.#look.forget();
     this.#settings.reset();
     byId("banner").hidden = true;
     const view = byId("view");
     if (view.contains(document.activeElement)) view.focus(); // before its children vanish
     byId("start").hidden = true;
-    this.#facts.hidden = byId("pick").hidden = true;
     this.#panel.hidden = false;
     document.body.classList.add("open");
     this.#title.textContent = stemOf(bundle.mesh.name);
@@ -544,14 +540,21 @@ export class App {
     clearTimeout(this.#timer);
     void this.#runner.stop().catch(this.onProblem);
     this.#bundle = this.#asset = null;
-    this.#stage.clear();
-    this.#timeline.show(0, 0, 1);
-    this.#take.show(null);
+    this.#clear();
     const hadFocus = this.#panel.contains(document.activeElement);
-    this.#panel.hidden = this.#facts.hidden = byId("pick").hidden = true;
+    this.#panel.hidden = true;
     this.#showOver("");
     byId("start").hidden = false;
     if (hadFocus) byId("files").focus();
-    document.body.classList.remove("open", "shown");
+    document.body.classList.remove("open");
+  }
+
+  /** Shows no voxels. */
+  #clear(): void {
+    this.#stage.clear();
+    this.#timeline.show(0, 0, 1);
+    this.#take.show(null);
+    this.#facts.hidden = byId("pick").hidden = true;
+    document.body.classList.remove("shown");
   }
 }

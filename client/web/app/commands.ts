@@ -113,15 +113,16 @@ export function cppCode(recipe: Recipe): string {
         "  const std::string mesh = client.bundle(files);\n";
   return (
     "#include <voxeld/client.h>\n\n" +
+    "#include <cstdio>\n" +
     (recipe.hasKey ? "#include <cstdlib>\n" : "") +
-    "#include <fstream>\n#include <string>\n#include <vector>\n\n" +
+    "#include <string>\n#include <vector>\n\n" +
     "int main() {\n  using voxeld::client::Input, voxeld::client::Source;\n" +
     `  voxeld::client::Settings settings;\n  settings.url = ${literal(recipe.origin)};\n${key}` +
     `  voxeld::client::Client client(settings);\n${mesh}` +
     `  voxeld::client::Options options;\n${sets}` +
-    '  const auto job = client.submit("voxelize", Input::of_asset(mesh), options);\n  client.wait(job.id);\n' +
-    `  std::ofstream out(${literal(recipe.target)}, std::ios::binary);\n` +
-    "  client.download(job.id, [&](std::span<const std::byte> bytes) {\n" +
-    "    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));\n  });\n}\n"
+    '  auto job = client.start("voxelize", Input::of_asset(mesh), options);\n' +
+    `  std::FILE* out = std::fopen(${literal(recipe.target)}, "wb");\n` +
+    "  job.download([&](std::span<const std::byte> bytes) { std::fwrite(bytes.data(), 1, bytes.size(), out); });\n" +
+    "  return std::fclose(out);\n}\n"
   );
 }

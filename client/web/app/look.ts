@@ -60,7 +60,6 @@ export class Look {
     private readonly pickText: HTMLElement,
     canvas: HTMLCanvasElement,
   ) {
-    const upper = (name: string) => name.charAt(0).toUpperCase() + name.slice(1);
     this.#channels.onchange = () => {
       this.stage.channel = (this.#channels.value || null) as Channel | null;
     };
@@ -82,7 +81,7 @@ export class Look {
       field(
         T.style,
         select(
-          STYLES.map(value => [value, names[`style${upper(value)}`]!]),
+          STYLES.map(value => [value, names[`style_${value}`]!]),
           "voxel",
           value => {
             this.stage.style = value as Style;

@@ -44,7 +44,7 @@ export class Settings {
     inputMode: "numeric",
   });
   readonly #fills: HTMLFieldSetElement;
-  readonly #note = h("p", { className: "note", hidden: true });
+  readonly #note = h("p", { className: "note", hidden: true }, T.solidNote);
   readonly #thickness: HTMLElement;
   readonly #animations = h("select");
   readonly #fps = h("input", { type: "number", min: 0.01, max: 1000, step: "any" });
@@ -122,30 +122,25 @@ export class Settings {
   /** Offers what fits the mesh. */
   describe(description: AssetDescription): void {
     this.#description = description;
-    const usable = (description.animations ?? [])
-      .map((animation, index) => ({ animation, index }))
-      .filter(({ animation }) => !animation.unusable);
+    const animations = description.animations ?? [],
+      first = animations.findIndex(({ unusable }) => !unusable),
+      hasAny = first >= 0;
     setChoices(
       this.#animations,
       [
         ["", T.animationNone],
-        ...usable.map(
-          ({ animation, index }): Choice => [
-            String(index),
-            `${animation.name || index} (${duration(animation.duration_s)})`,
-          ],
+        ...animations.flatMap(({ name, duration_s, unusable }, i): Choice[] =>
+          unusable ? [] : [[String(i), `${name || i} (${duration(duration_s)})`]],
         ),
       ],
-      usable[0] ? String(usable[0].index) : "",
+      hasAny ? String(first) : "",
     );
-    this.#animationFields.hidden = usable.length === 0;
+    this.#animationFields.hidden = !hasAny;
     this.#values["animation"] = this.#animations.value;
-    this.#values["fps"] = this.#fps.value = usable[0]?.animation.frame_rate
-      ? String(usable[0].animation.frame_rate)
-      : usable[0]
-        ? "24"
-        : "";
-    if (usable.length > 0 && !this.#isSized) this.#values["size"] = 128; // there is one grid for each frame
+    this.#values["fps"] = this.#fps.value = hasAny
+      ? String(animations[first]!.frame_rate || 24)
+      : "";
+    if (hasAny && !this.#isSized) this.#values["size"] = 128; // there is one grid for each frame
     this.#showSize();
     this.#showNote();
     this.#showChannels();
@@ -154,9 +149,10 @@ export class Settings {
   #set(name: string, value: string | number, isFinal = true): void {
     this.#values[name] = value;
     // Until it is chosen, it is the daemon's: of a band more than of a shell.
-    const thickness = this.#thickness.querySelector("input") as HTMLInputElement;
-    thickness.value = String(this.#values["thickness"] || (this.#values["fill"] === "band" ? 3 : 1));
-    this.#thickness.hidden = this.#values["fill"] !== "shell" && this.#values["fill"] !== "band";
+    const thickness = this.#thickness.querySelector("input") as HTMLInputElement,
+      kind = this.#values["fill"];
+    thickness.value = String(this.#values["thickness"] || (kind === "band" ? 3 : 1));
+    this.#thickness.hidden = kind !== "shell" && kind !== "band";
     this.#showNote();
     this.#showChannels();
     this.onChange(isFinal);
@@ -164,11 +160,7 @@ export class Settings {
 
   #showNote(): void {
     const isOpen = this.#description?.watertight === false;
-    this.#note.hidden = !(
-      isOpen &&
-      (this.#values["fill"] === "solid" || this.#values["fill"] === "shell")
-    );
-    this.#note.textContent = T.solidNote;
+    this.#note.hidden = !isOpen || !["solid", "shell"].includes(String(this.#values["fill"]));
   }
 
   #showSize(): void {

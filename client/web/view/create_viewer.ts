@@ -37,14 +37,8 @@ function clamp(value: number, low: number, high: number): number {
 }
 
 function validCamera(camera: Camera): Camera {
-  const finite = (value: number, or: number): number => (Number.isFinite(value) ? value : or);
-  return {
-    azimuth: finite(camera.azimuth, START.azimuth),
-    elevation: clamp(finite(camera.elevation, START.elevation), -90, 90),
-    zoom: clamp(finite(camera.zoom, 1), ZOOM_MIN, ZOOM_MAX),
-    pan: [finite(camera.pan[0], 0), finite(camera.pan[1], 0)],
-    projection: camera.projection,
-  };
+  const { elevation, zoom } = camera;
+  return { ...camera, elevation: clamp(elevation, -90, 90), zoom: clamp(zoom, ZOOM_MIN, ZOOM_MAX) };
 }
 
 function infoOf(grid: PackedGrid): GridInfo {
@@ -257,11 +251,6 @@ class WebGlViewer implements Viewer {
     this.#frames.stop();
     this.#shown = this.#part = null;
     this.#painter.textures.dispose(); // the context stays, for another viewer of the canvas
-  }
-
-  /** Bytes of the grid's tables on the device. */
-  get deviceBytes(): number {
-    return this.#painter.textures.bytes;
   }
 
   get #drawn(): Shown | null {

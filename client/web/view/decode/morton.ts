@@ -21,10 +21,6 @@ export function mortonOf(x: number, y: number, z: number): number {
   return spread(x) | (spread(y) << 1) | (spread(z) << 2);
 }
 
-/** Set bits of each byte. */
-export const BITS_OF_BYTE = new Uint8Array(256);
-for (let i = 1; i < 256; ++i) BITS_OF_BYTE[i] = BITS_OF_BYTE[i >> 1]! + (i & 1);
-
 /** Set bits of a 32-bit word. */
 export function bitCount(word: number): number {
   let v = word - ((word >>> 1) & 0x55555555);

@@ -1,7 +1,7 @@
 // The breadth-first octree of a tile (proto/README.md): from the root of 256 cells down to nodes of
 // 2 cells, a byte per node.
 import { fail } from "./decode_error";
-import { BITS_OF_BYTE } from "./morton";
+import { bitCount } from "./morton";
 
 const LEVELS = 8;
 const BRICK_LEVEL = 5;
@@ -20,7 +20,7 @@ function broken(detail: string): never {
 
 function bitsOf(bytes: Uint8Array): number {
   let count = 0;
-  for (let i = 0; i < bytes.length; ++i) count += BITS_OF_BYTE[bytes[i]!]!;
+  for (let i = 0; i < bytes.length; ++i) count += bitCount(bytes[i]!);
   return count;
 }
 

@@ -42,16 +42,10 @@ export const TABLES = ["nodes", "bricks", "colors", "normals"] as const;
 /** The tables of one grid as textures. */
 export class GridTextures {
   readonly #textures: WebGLTexture[];
-  readonly #sizes = [0, 0, 0, 0];
   images = 0; // that are drawn from them now
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.#textures = TABLES.map((_, unit) => nearest(gl, unit));
-  }
-
-  /** Bytes on the device. */
-  get bytes(): number {
-    return this.#sizes.reduce((sum, size) => sum + size, 0);
   }
 
   upload(grid: PackedGrid, colors: Words | null): void {
@@ -72,7 +66,6 @@ export class GridTextures {
         gl.UNSIGNED_INT,
         words,
       );
-      this.#sizes[unit] = words.byteLength;
     });
   }
 

@@ -274,7 +274,6 @@ const api = {
   visibleCells: () => view().visibleCells(),
   pixelsPerCell: (): number => view().pixelsPerCell(),
   canvasSize: (): [number, number] => [canvas.width, canvas.height],
-  deviceBytes: (): number => (view() as unknown as { deviceBytes: number }).deviceBytes,
   violations: (): string[] => violations,
   clear: (): void => view().clear(),
   dispose: (): void => view().dispose(),
