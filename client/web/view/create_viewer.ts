@@ -121,7 +121,8 @@ class WebGlViewer implements Viewer {
   async showPart(container: ArrayBuffer | null): Promise<void> {
     const shown = this.#shown,
       channel = this.#channelShown,
-      grid = container && (await this.#decoder.decode({ parts: [container] }, channel));
+      encoded = container && { parts: [container], inner: shown?.grid.inner },
+      grid = encoded && (await this.#decoder.decode(encoded, channel));
     if (!shown || (!grid && !this.#part)) return;
     this.#part = grid && {
       ...shown,
@@ -305,7 +306,7 @@ class WebGlViewer implements Viewer {
     else this.#moveByHand({ ...this.#view, azimuth: around, elevation: up });
   }
 
-  // A part is as bright as its grid, and has the same colour inside of solids.
+  // A part is as bright as its grid.
   #lookOf(shown: Shown): Look {
     const { paint, painted } = shown,
       whole = this.#shown;
@@ -315,7 +316,7 @@ class WebGlViewer implements Viewer {
       section: this.#cut,
       paint:
         paint && whole?.paint && whole.painted === painted
-          ? { ...whole.paint, colors: paint.colors }
+          ? { ...paint, luminance: whole.paint.luminance }
           : paint,
       hasChannel: painted !== null,
     };
@@ -352,12 +353,12 @@ class WebGlViewer implements Viewer {
     if (channel === null) {
       shown.paint = null;
     } else {
-      const { attributes, attributeCount, hasFull, nodes, bricks, brickCount, tileDims } =
+      const { attributes, attributeCount, inner, nodes, bricks, brickCount, tileDims } =
         shown.grid;
       const painted = await this.#decoder.paint(channel, {
         attributes: { [channel]: attributes[channel] },
         attributeCount,
-        hasFull,
+        inner,
         nodes,
         bricks,
         brickCount,

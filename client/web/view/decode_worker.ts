@@ -32,9 +32,10 @@ function fail(id: number, error: unknown): void {
 }
 
 async function decode(id: number, grid: Encoded, channel: Channel | null): Promise<void> {
-  const { parts, preview } = grid,
+  const { parts, preview, inner } = grid,
     bytesOf = (buffer: ArrayBuffer): Uint8Array => new Uint8Array(buffer);
-  const steps = new Packer(parts.map(bytesOf), channel, preview && bytesOf(preview)).run();
+  const packer = new Packer(parts.map(bytesOf), channel, preview && bytesOf(preview), inner),
+    steps = packer.run();
   for (let begin = performance.now(); ;) {
     const step = steps.next();
     if (step.done) return reply({ kind: "decoded", id, grid: step.value });
@@ -47,7 +48,7 @@ async function decode(id: number, grid: Encoded, channel: Channel | null): Promi
 }
 
 function painted(channel: Channel, grid: PaintInput): Painted | null {
-  const paint = paintOf(grid.attributes, channel, grid.attributeCount, grid.hasFull);
+  const paint = paintOf(grid, channel);
   if (!paint) return null;
   setColorMeans(grid, paint.colors);
   return { paint, nodes: grid.nodes, bricks: grid.bricks };

@@ -1,17 +1,21 @@
 // Messages between the viewer and its worker.
 import type { PackedGrid, Paint, Words } from "./pack/packed_grid";
-import type { Channel } from "./viewer";
+import type { Channel, Vec3 } from "./viewer";
 
-/** A container, or those of the first tiles of a grid, with a preview of the others (pack/packer.ts). */
+/**
+ * A container, or those of the first tiles of a grid, with a preview of the others (pack/packer.ts);
+ * of a part, with the colour inside of the whole.
+ */
 export interface Encoded {
   readonly parts: readonly ArrayBuffer[];
   readonly preview?: ArrayBuffer;
+  readonly inner?: Vec3 | null;
 }
 
 /** The parts of a grid that another colour changes or needs. */
 export type PaintInput = Pick<
   PackedGrid,
-  "attributes" | "attributeCount" | "hasFull" | "nodes" | "bricks" | "brickCount" | "tileDims"
+  "attributes" | "attributeCount" | "inner" | "nodes" | "bricks" | "brickCount" | "tileDims"
 >;
 
 /** A grid's colours, with the tables that hold their means. */

@@ -82,8 +82,12 @@ function entryOf({ nodes, tileDims }: PackedGrid, x: number, y: number, z: numbe
   return nodes[(block & ~CHILD) + (x & 3) + 4 * (y & 3) + 16 * (z & 3)]!;
 }
 
-function packParts(parts: readonly Uint8Array[], preview?: Uint8Array): PackedGrid {
-  const steps = new Packer(parts, null, preview).run();
+function packParts(
+  parts: readonly Uint8Array[],
+  preview?: Uint8Array,
+  inner?: Vec3,
+): PackedGrid {
+  const steps = new Packer(parts, null, preview, inner).run();
   for (;;) {
     const step = steps.next();
     if (step.done) return step.value;
@@ -140,4 +144,20 @@ test("the tiles of all parts are the grid", () => {
     whole = packGrid(containerOf("growing"));
   assert.deepEqual(packParts(parts), whole);
   assert.deepEqual(packParts(parts, containerOf("preview_8")).bricks, whole.bricks);
+});
+
+test("voxels of a part that have no colour get that of the whole", () => {
+  const inner: Vec3 = [1, 2, 3],
+    { attributes, attributeCount, paint } = packParts([containerOf("half_colored")], undefined, inner);
+  const own = attributes.color!.subarray(0, attributeCount);
+  assert.ok(own.includes(0) && own.some((color) => color !== 0));
+  sameWords(
+    "colors",
+    paint!.colors.subarray(0, attributeCount),
+    own.map((color) => color || 0x030201),
+    false,
+  );
+  assert.deepEqual(paint!.fullColor, inner);
+  const full = packParts([containerOf("whole_tile")], undefined, inner);
+  assert.deepEqual(full.paint!.fullColor, inner);
 });

@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Session } from "./browser/session";
 import type { Difference, Settings } from "./browser/page";
-import type { Section, Style } from "../../../client/web/view/viewer";
+import type { Section, Style, Vec3 } from "../../../client/web/view/viewer";
 
 const WIDTH = 240,
   HEIGHT = 180;
@@ -199,23 +199,34 @@ test("a lost context is rebuilt", async () => {
   assert.ok(found.mean < 0.1 && found.drawn > 0.1, JSON.stringify(found));
 });
 
-test("a part is drawn in the grid's place as the daemon draws the grid", async () => {
+/** Draws the cells in view, and some around, in the grid's place; returns the first of them. */
+async function showPartInView({ file, options }: Mesh): Promise<Vec3> {
   const { daemon, server, browser } = session;
-  const camera = { zoom: 5 };
-  assertSame(await compare(FINE, { ...camera, style: "smooth" }, { camera, style: "smooth" }));
-  await browser.call("hideCanvas", false);
-  const whole = await browser.call("grid"),
-    { front } = (await browser.call("visibleCells"))!,
-    hit = (await browser.call("pick", WIDTH / 4, HEIGHT / 5))!;
+  const { dims } = (await browser.call("grid"))!,
+    { front } = (await browser.call("visibleCells"))!;
   const low = front[0].map((v) => Math.max(0, v - 6)),
-    high = front[1].map((v, c) => Math.min(whole!.dims[c]!, v + 6));
-  assert.ok(low.some((v) => v > 0) && high.some((v, c) => v < whole!.dims[c]!), `${low} ${high}`);
-  const options = { ...FINE.options, format: "native", region: [...low, ...high].join() };
-  server.data.set("part.voxg", await daemon.post("voxelize", FINE.file, options));
+    high = front[1].map((v, c) => Math.min(dims[c]!, v + 6));
+  assert.ok(low.some((v) => v > 0) && high.some((v, c) => v < dims[c]!), `${low} ${high}`);
+  const region = [...low, ...high].join();
+  server.data.set(
+    "part.voxg",
+    await daemon.post("voxelize", file, { ...options, format: "native", region }),
+  );
   await browser.call("showPart", "part.voxg");
   assertSame(
     await browser.call("compare", null, `picture_${numbers}.png`, WIDTH, HEIGHT, false, "part"),
   );
+  return low as unknown as Vec3;
+}
+
+test("a part is drawn in the grid's place as the daemon draws the grid", async () => {
+  const { browser } = session;
+  const camera = { zoom: 5 };
+  assertSame(await compare(FINE, { ...camera, style: "smooth" }, { camera, style: "smooth" }));
+  await browser.call("hideCanvas", false);
+  const whole = await browser.call("grid"),
+    hit = (await browser.call("pick", WIDTH / 4, HEIGHT / 5))!;
+  const low = await showPartInView(FINE);
   assert.deepEqual(await browser.call("grid"), whole);
   const partly = (await browser.call("pick", WIDTH / 4, HEIGHT / 5))!;
   assert.deepEqual(
@@ -224,6 +235,14 @@ test("a part is drawn in the grid's place as the daemon draws the grid", async (
   );
   await browser.call("showPart", null);
   assert.deepEqual(await browser.call("pick", WIDTH / 4, HEIGHT / 5), hit);
+});
+
+test("a part of a solid has the whole's colour inside", async () => {
+  const section: Section = { plane: [0, 0, 1, 0], box: null },
+    camera = { zoom: 5, azimuth: 0, elevation: 0 };
+  assertSame(await compare(COLORED_SOLID, { ...camera, section: "0,0,1,0" }, { camera, section }));
+  await session.browser.call("hideCanvas", false);
+  await showPartInView(COLORED_SOLID);
 });
 
 test("nothing broke the page's policy", async () => {

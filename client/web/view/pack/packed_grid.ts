@@ -53,7 +53,7 @@ export interface PackedGrid {
   readonly bricks: Words;
   readonly brickCount: number;
   readonly attributeCount: number; // voxels outside full nodes
-  readonly hasFull: boolean;
+  readonly inner: Vec3 | null; // sRGB of voxels inside of solids, which have no colour; null: none are
   readonly attributes: Attributes; // colours and normals are padded
   readonly paint: Paint | null; // its own colours or those of its ids; null: it has neither
   readonly occupiedMin: Vec3; // cells; the whole grid if no voxel is there

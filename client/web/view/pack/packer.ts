@@ -15,7 +15,7 @@ import { decompressStream } from "../decode/zstd_stream";
 import type { Channel, Vec3 } from "../viewer";
 import { Rows } from "./hull";
 import { markEmptyCubes } from "./empty_cubes";
-import { setColorMeans, setNormalMeans } from "./means";
+import { meanOfAll, setColorMeans, setNormalMeans } from "./means";
 import { paintOf } from "./paint";
 import {
   BLOCK_WORDS,
@@ -77,13 +77,14 @@ export class Packer {
   /**
    * parts: a container, or those of a grid's first tiles, in order. channel: colours the grid if it
    * has it. preview: the same mesh in larger cells, whose voxels are drawn as full bricks in place
-   * of the tiles that follow. Throws a DecodeError, also for grids of more words than
-   * TABLE_WORDS_MAX.
+   * of the tiles that follow. inner: the colour of voxels that have none, else the mean of the
+   * others. Throws a DecodeError, also for grids of more words than TABLE_WORDS_MAX.
    */
   constructor(
     parts: readonly Uint8Array[],
     private readonly channel: Channel | null = null,
     private readonly preview: Uint8Array | undefined = undefined,
+    private readonly inner: Vec3 | null = null,
   ) {
     const opened = parts.map(openContainer),
       tiles = opened.flatMap((part) => part.tiles);
@@ -130,15 +131,16 @@ export class Packer {
     const { dims, channels } = this.#container,
       count = this.#attributeCount;
     const shown = channelIn(this.#container, this.channel) ?? ownChannel(channels);
-    const paint = shown === null ? null : paintOf(attributes, shown, count, this.#hasFull);
+    const values = { attributes, attributeCount: count, inner: this.#innerColor(attributes.color) };
+    const paint = shown === null ? null : paintOf(values, shown);
     const isEmpty = this.#low[0]! >= this.#high[0]!;
     const occupiedMin: Vec3 = isEmpty ? [0, 0, 0] : (this.#low as unknown as Vec3);
     const occupiedMax: Vec3 = isEmpty ? dims : (this.#high as unknown as Vec3);
     const grid: PackedGrid = {
+      ...values,
       dims,
       channels,
       paint,
-      attributes,
       occupiedMin,
       occupiedMax,
       origin: this.#container.origin,
@@ -149,13 +151,18 @@ export class Packer {
       nodeWords: this.#nodeWords,
       bricks: this.#bricks,
       brickCount: this.#brickCount,
-      attributeCount: count,
-      hasFull: this.#hasFull,
       hull: this.#rows.points(),
     };
     if (paint) setColorMeans(grid, paint.colors);
     if (attributes.normal) setNormalMeans(grid, attributes.normal);
     return grid;
+  }
+
+  /** Voxels in full nodes and those of (0,0,0,0) have no colour. */
+  #innerColor(colors: Words | undefined): Vec3 | null {
+    const count = this.#attributeCount;
+    if (!colors || !(this.#hasFull || colors.subarray(0, count).includes(0))) return null;
+    return this.inner ?? (count > 0 ? meanOfAll(colors, count) : null);
   }
 
   /** Makes room for so many words at the end of the nodes and returns where. */

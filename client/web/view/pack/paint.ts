@@ -1,8 +1,8 @@
 // The colours in which a channel is shown.
 import type { Channel, Vec3 } from "../viewer";
 import { idColor } from "./id_color";
-import { meanOfAll, medianLuminance } from "./means";
-import { tableOf, type Attributes, type Paint, type Words } from "./packed_grid";
+import { medianLuminance } from "./means";
+import { tableOf, type Attributes, type PackedGrid, type Paint, type Words } from "./packed_grid";
 
 /** sRGB stops of the ramps, evenly spaced; those of coverage after viridis of matplotlib. */
 const COVERAGE_STOPS: readonly Vec3[] = [
@@ -94,8 +94,8 @@ function colorsOf(attributes: Attributes, channel: Channel, count: number): Word
 }
 
 /**
- * Colours whose voxels inside of solids, which are (0,0,0,0), have the mean of the others, with
- * alpha 0: means leave it out.
+ * Colours whose voxels inside of solids, which are (0,0,0,0), have that of `inner`, with alpha 0:
+ * means leave it out.
  */
 function withInner(colors: Words, count: number, [r, g, b]: Vec3): Words {
   const all = tableOf(count),
@@ -104,23 +104,19 @@ function withInner(colors: Words, count: number, [r, g, b]: Vec3): Words {
   return all;
 }
 
-/** The colours of a channel, or null if the grid lacks it. count: voxels outside full nodes. */
+/** The colours of a channel, or null if the grid lacks it. */
 export function paintOf(
-  attributes: Attributes,
+  grid: Pick<PackedGrid, "attributes" | "attributeCount" | "inner">,
   channel: Channel,
-  count: number,
-  hasFull: boolean,
 ): Paint | null {
+  const { attributes, attributeCount: count, inner } = grid;
   let colors = colorsOf(attributes, channel, count);
   if (!colors) return null;
   // Measures and normals keep their colours; the others are brightened as the daemon does.
   const isMeasure = channel === "normal" || channel === "distance" || channel === "coverage";
-  let fullColor: Vec3 | null = null;
-  if (channel === "color" && count > 0) {
-    const hasInner = colors.subarray(0, count).includes(0);
-    if (hasFull || hasInner) fullColor = meanOfAll(colors, count);
-    if (fullColor && hasInner) colors = withInner(colors, count, fullColor);
-  }
+  let fullColor = channel === "color" ? inner : null;
+  if (fullColor && colors.subarray(0, count).includes(0))
+    colors = withInner(colors, count, fullColor);
   if (channel === "coverage") fullColor = COVERAGE_STOPS[COVERAGE_STOPS.length - 1]!;
   return { colors, fullColor, luminance: isMeasure ? 1 : medianLuminance(colors, count) };
 }

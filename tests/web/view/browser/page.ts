@@ -113,7 +113,9 @@ const api = {
   },
 
   async showPart(name: string | null): Promise<void> {
-    await view().showPart(name && (await (await fetch(`/data/${name}`)).arrayBuffer()));
+    await view().showPart(
+      name === null ? null : await (await fetch(`/data/${name}`)).arrayBuffer(),
+    );
   },
 
   showBuffer: (bytes: ArrayBuffer): Promise<GridInfo> => view().show(bytes),
