@@ -26,6 +26,24 @@ test("a channel that is added leaves the others", async ({ page }) => {
   await expect(page.locator("#commands pre")).toContainText("channels=occupancy%2Cnormal");
 });
 
+test("a thickness that is emptied is that of the daemon again", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 32);
+  await shown(page, 32);
+  const thickness = page.getByLabel("Thickness"),
+    command = page.locator("#commands pre");
+  await page.check('#card-voxels input[value="band"]', { force: true });
+  await expect(thickness).toHaveValue("3");
+  await thickness.fill("2");
+  await thickness.press("Enter");
+  await expect(command).toContainText("thickness=2");
+  await thickness.fill("");
+  await thickness.press("Enter");
+  await expect(thickness).toHaveValue("3");
+  await expect(command).toHaveText(/fill=band(?!.*thickness)/);
+});
+
 test("a job of a superseded setting is cancelled, and cancel ends the last", async ({ page }) => {
   await startLongRun(page);
   await expect(page.locator("#cancel")).toBeVisible();

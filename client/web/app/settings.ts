@@ -229,7 +229,8 @@ export class Settings {
       min,
       max,
       value,
-      onchange: (event: Event) => this.#set(name, Number((event.target as HTMLInputElement).value)),
+      // Empty, or 0: the daemon's.
+      onchange: (event: Event) => this.#set(name, Number((event.target as HTMLInputElement).value) || ""),
     });
   }
 
