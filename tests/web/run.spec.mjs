@@ -168,6 +168,38 @@ test("delete removes the mesh and its results", async ({ page }) => {
   expect(await results()).not.toContain("concave.voxg");
 });
 
+test("a mesh that is given again while it is deleted is uploaded again", async ({ page }) => {
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  const steps = [];
+  await page.route("**/v1/**", async route => {
+    const request = route.request();
+    if (request.url().includes("brief=1")) steps.push("asked");
+    if (request.method() !== "DELETE") return await route.continue();
+    await held;
+    const response = await route.fetch();
+    steps.push("deleted");
+    await route.fulfill({ response });
+  });
+  const mesh = join(fixtures, "concave.obj");
+  await page.goto(daemon.url);
+  await drop(page, mesh);
+  await shown(page, 256);
+  steps.length = 0;
+  await page.click("#delete");
+  await drop(page, mesh);
+  await expect(page.locator("#card-model h2")).toHaveText("concave");
+  // Other responses: a page that does not wait has asked for the mesh by then.
+  await page.evaluate(async () => {
+    for (let i = 0; i < 3; ++i) await (await (await fetch("/v1/me")).blob()).arrayBuffer();
+  });
+  release();
+  await shown(page, 256);
+  expect(steps.at(-1)).toBe("asked");
+  expect(steps.filter(step => step === "asked")).toHaveLength(1);
+  await expect(page.locator("#banner")).toBeHidden();
+});
+
 test("delete waits until the job that runs is cancelled", async ({ page }) => {
   await startLongRun(page);
   const steps = [];

@@ -34,6 +34,7 @@ export class App {
   #asset: Asset | null = null;
   #assets: string[] = []; // the asset and the files that it names
   #jobs = new Set<string>(); // whose results are deleted with the asset
+  #removing = Promise.resolve(); // a deletion that may be under way
   #given = 0; // drops, pastes, choices and samples so far
   #loaded = 0; // the latest of them that had a mesh
   #loading: AbortController | null = null;
@@ -128,7 +129,7 @@ export class App {
         h("button", { id: "new", onclick: () => this.#close() }, T.newMesh),
         h(
           "button",
-          { id: "delete", className: "danger", onclick: () => void this.#remove() },
+          { id: "delete", className: "danger", onclick: () => this.#remove() },
           T.remove,
         ),
       ),
@@ -222,6 +223,8 @@ export class App {
       await this.#runner.stop();
       if (loading.signal.aborted) return; // another mesh has come
       this.#begin(bundle);
+      await this.#removing; // maybe of the same mesh
+      loading.signal.throwIfAborted();
       addEventListener("beforeunload", ask); // an upload would be lost
       const { asset, members } = await uploadBundle(
         this.api,
@@ -498,14 +501,15 @@ export class App {
   }
 
   /** Deletes the mesh and what was made of it. */
-  async #remove(): Promise<void> {
-    const asset = this.#asset,
-      bundle = this.#bundle;
-    const name = this.#title.textContent ?? "";
+  #remove(): void {
+    const isUploaded = this.#asset !== null;
+    this.#close();
+    if (isUploaded) this.#removing = this.#removeAll(this.#title.textContent ?? "");
+  }
+
+  async #removeAll(name: string): Promise<void> {
     const jobs = this.#jobs,
       assets = this.#assets;
-    this.#close();
-    if (!asset || !bundle) return; // it was not uploaded yet
     await this.#runner.stop();
     // Whether it is there and cannot be deleted; what is gone already is as wanted.
     const keeps = async (path: string): Promise<boolean> => {
