@@ -74,6 +74,54 @@ test("a phone's width needs no sideways scrolling, and all works by keyboard", a
   await expect(devices).toBeFocused();
 });
 
+test("a table keeps the focus while its rows change, and shows more of them", async ({ page }) => {
+  let ids = ["j-1", "j-2", "j-3"],
+    done = 1;
+  const limits = [],
+    cancelled = [];
+  await page.route("**/v1/queue?*", async route => {
+    const limit = Number(new URL(route.request().url()).searchParams.get("limit"));
+    limits.push(limit);
+    const response = await route.fetch();
+    const common = { filename: "same.ply", state: "running", tiles_done: done, tiles_total: 9 };
+    const jobs = ids.map(id => ({ id, ...common, frames_total: 0, tenant: "", device: "cpu" }));
+    const next = limit < 1000 ? { next: "others" } : {};
+    await route.fulfill({ response, json: { ...(await response.json()), jobs, ...next } });
+  });
+  await page.route("**/v1/jobs/j-*", async route => {
+    cancelled.push(route.request().url().split("/").pop());
+    ids = ["j-0", "j-3"];
+    await route.fulfill({ json: {} });
+  });
+  await page.goto(`${daemon.url}/admin`);
+  const card = page.locator('section:has(h2:text-is("Queue"))'),
+    rows = card.locator("tbody tr"),
+    button = card.locator("[data-mark]");
+  await expect(rows).toHaveCount(3);
+  await rows.nth(1).getByRole("button").evaluate(button => {
+    button.dataset.mark = "";
+    button.focus();
+  });
+  done = 7;
+  await expect(rows.nth(1)).toContainText("7 of 9 tiles");
+  await expect(button).toBeFocused();
+  ids = ["j-2", "j-3"];
+  await expect(rows).toHaveCount(2);
+  await expect(button).toBeFocused();
+  ids = ["j-0", "j-2", "j-3"];
+  await expect(rows).toHaveCount(3);
+  await expect(button).toBeFocused();
+  await page.keyboard.press("Enter");
+  await expect(rows).toHaveCount(2);
+  expect(cancelled).toEqual(["j-2"]);
+  await expect(card.locator("h2")).toBeFocused();
+  expect(new Set(limits)).toEqual(new Set([50]));
+  await card.getByRole("button", { name: "Show more" }).click();
+  await expect.poll(() => limits).toContain(1000);
+  await expect(card.getByRole("button", { name: "Show more" })).toBeHidden();
+  await expect(card.locator(".scroll")).toBeFocused();
+});
+
 test.describe("with keys", () => {
   let locked, key;
   test.beforeAll(async () => {

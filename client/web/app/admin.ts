@@ -6,32 +6,76 @@ import type { Asset, JobStatus, Key, Me, Queue, StoredResult } from "./model";
 import { bytesText, count, linesOf, names, progressOf, t, T } from "./texts";
 
 const REFRESH_MS = 1500;
-const ROWS = 50;
+const ROWS = 50, // until more are wanted
+  ROWS_MAX = 1000; // of one response
 
-type Row = readonly (Node | string)[];
+type Row = readonly [id: string, ...cells: (Node | string)[]];
 
-function table(heads: readonly string[], rows: readonly Row[], empty: string): HTMLElement {
-  if (rows.length === 0) return h("p", { className: "quiet" }, empty);
-  return h(
-    "div",
-    { className: "scroll", tabIndex: 0 },
-    h(
-      "table",
-      {},
-      h("thead", {}, h("tr", {}, ...heads.map(head => h("th", { scope: "col" }, head)))),
-      h("tbody", {}, ...rows.map(row => h("tr", {}, ...row.map(cell => h("td", {}, cell))))),
-    ),
-  );
-}
+/** A table of rows that come again and again. Those of before keep their buttons and the focus. */
+class Table {
+  limit = ROWS; // of the request for them
+  readonly element = h("div", { className: "stack" });
+  #rows = new Map<string, HTMLTableRowElement>();
+  readonly #body = h("tbody");
+  readonly #table: HTMLElement;
+  readonly #empty: HTMLElement;
+  readonly #more: HTMLButtonElement;
 
-/** Replaces the children, unless one of them is in use. */
-function refill(element: Element, ...children: (Node | null)[]): void {
-  if (element.contains(document.activeElement) || element.querySelector(":active")) return;
-  fill(element, ...children);
+  constructor(heads: readonly string[], empty: string, refresh: () => void) {
+    this.#table = h(
+      "div",
+      { className: "scroll", tabIndex: 0 },
+      h(
+        "table",
+        {},
+        h("thead", {}, h("tr", {}, ...heads.map(head => h("th", { scope: "col" }, head)))),
+        this.#body,
+      ),
+    );
+    this.#empty = h("p", { className: "quiet" }, empty);
+    const onclick = () => {
+      this.limit = ROWS_MAX;
+      this.#table.focus({ preventScroll: true }); // the button goes
+      refresh();
+    };
+    this.#more = h("button", { onclick }, T.showMore);
+  }
+
+  /** next: set where there are more rows. */
+  show(rows: readonly Row[], next?: string): void {
+    const { element } = this,
+      body = this.#body,
+      focused = document.activeElement as HTMLElement,
+      hadFocus = element.contains(focused),
+      ids = rows.map(([id]) => id);
+    for (const [id, row] of this.#rows) {
+      if (ids.includes(id)) continue;
+      row.remove();
+      this.#rows.delete(id);
+    }
+    rows.forEach(([id, ...cells], i) => {
+      const row = this.#rows.get(id) ?? h("tr");
+      this.#rows.set(id, row);
+      cells.forEach((cell, k) => {
+        const old = row.cells[k] ?? row.insertCell();
+        if (old.textContent !== (typeof cell === "string" ? cell : cell.textContent)) fill(old, cell);
+      });
+      if (body.rows[i] !== row) body.insertBefore(row, body.rows[i] ?? null);
+    });
+    const shown = rows.length > 0 ? this.#table : this.#empty;
+    if (element.firstChild !== shown) fill(element, shown, this.#more);
+    this.#more.hidden = !next || this.limit === ROWS_MAX;
+    if (hadFocus && focused !== document.activeElement)
+      (focused.isConnected ? focused : element.closest("section")?.querySelector("h2"))?.focus();
+  }
 }
 
 function when(milliseconds: number): string {
   return new Date(milliseconds).toLocaleString();
+}
+
+function nameOf(job: JobStatus): string {
+  return job.filename || job.id.slice(0, 10);
 }
 
 function limitName(limit: string): string {
@@ -44,15 +88,20 @@ function limitText(limit: string, value: number | null): string {
 
 export class Admin {
   readonly #access = h("p", { className: "quiet" });
-  readonly #devices = h("div");
-  readonly #queue = h("div", { "aria-live": "off" });
-  readonly #failures = h("div");
+  readonly #devices = this.#table([T.device, T.renderer, T.workers, T.memory]);
+  readonly #queue = this.#table(
+    [T.job, T.tenant, T.device, T.state, T.progress, ""],
+    T.queueNone,
+    () => this.#showQueue(),
+  );
+  readonly #others = h("p", { className: "quiet" });
+  readonly #failures = this.#table([T.job, T.when, T.failures], T.failuresNone);
   readonly #use = h("p");
   readonly #disk = h("p");
-  readonly #results = h("div");
-  readonly #assets = h("div");
-  readonly #limits = h("div");
-  readonly #keys = h("div");
+  readonly #results = this.#table([T.name, T.bytes, T.when, ""]);
+  readonly #assets = this.#table([T.name, T.bytes, T.when, ""]);
+  readonly #limits = this.#table([T.limits, ""], T.limitNone);
+  readonly #keys = this.#table([T.name, T.role, T.limits, T.expires, T.state, ""], "");
   readonly #keysCard: HTMLElement; // for admins
   #told = ""; // the last problem of the polling
 
@@ -63,23 +112,23 @@ export class Admin {
   ) {
     const section = (title: T, ...children: HTMLElement[]) =>
       h("section", { className: "card" }, h("h2", { tabIndex: -1 }, title), ...children);
-    this.#keysCard = section(T.keys, this.#keys, this.#keyForm());
+    this.#keysCard = section(T.keys, this.#keys.element, this.#keyForm());
     this.#keysCard.hidden = true;
     byId("admin").append(
       h("h1", {}, T.adminTitle),
       this.#access,
-      section(T.devices, this.#devices),
-      section(T.queue, this.#queue),
-      section(T.failures, this.#failures),
+      section(T.devices, this.#devices.element),
+      section(T.queue, this.#queue.element, this.#others),
+      section(T.failures, this.#failures.element),
       section(T.storage,
         this.#use,
         this.#disk,
         h("h3", {}, T.results),
-        this.#results,
+        this.#results.element,
         h("h3", {}, T.assets),
-        this.#assets,
+        this.#assets.element,
       ),
-      section(T.limits, this.#limits),
+      section(T.limits, this.#limits.element),
       this.#keysCard,
     );
   }
@@ -105,6 +154,14 @@ export class Admin {
       }
       await new Promise(resolve => setTimeout(resolve, REFRESH_MS));
     }
+  }
+
+  #table(
+    heads: readonly string[],
+    empty: string = T.nothing,
+    refresh = () => this.#showStorage(),
+  ): Table {
+    return new Table(heads, empty, () => void refresh().catch(this.onProblem));
   }
 
   #keyForm(): HTMLElement {
@@ -157,54 +214,46 @@ export class Admin {
   }
 
   async #showKeys(): Promise<void> {
-    const { keys } = await this.api.json<{ keys: Key[] }>("/v1/keys?limit=1000");
-    refill(
-      this.#keys,
-      table(
-        [T.name, T.role, T.limits, T.expires, T.state, ""],
-        keys.map(key => {
-          const name = `${key.name} ${key.id}`;
-          return [
-            name,
-            key.admin ? T.admin : T.tenant,
-            Object.entries(key.limits)
-              .filter(([, value]) => value)
-              .map(([limit, value]) => limitName(limit) + ": " + limitText(limit, value))
-              .join(", "),
-            key.expires_ms ? when(key.expires_ms) : "",
-            key.state,
-            key.state === "live"
-              ? this.#button(
-                  T.revoke,
-                  name,
-                  () => this.api.request(`/v1/keys/${key.id}`, { method: "DELETE" }),
-                  () => this.#showKeys(),
-                )
-              : "",
-          ];
-        }),
-        "",
-      ),
+    const { keys } = await this.api.json<{ keys: Key[] }>(`/v1/keys?limit=${ROWS_MAX}`);
+    this.#keys.show(
+      keys.map(key => {
+        const name = `${key.name} ${key.id}`;
+        return [
+          key.id,
+          name,
+          key.admin ? T.admin : T.tenant,
+          Object.entries(key.limits)
+            .filter(([, value]) => value)
+            .map(([limit, value]) => limitName(limit) + ": " + limitText(limit, value))
+            .join(", "),
+          key.expires_ms ? when(key.expires_ms) : "",
+          key.state,
+          key.state === "live"
+            ? this.#button(
+                T.revoke,
+                name,
+                () => this.api.request(`/v1/keys/${key.id}`, { method: "DELETE" }),
+                () => this.#showKeys(),
+              )
+            : "",
+        ];
+      }),
     );
   }
 
   async #showQueue(): Promise<void> {
     const [queue, failed] = await Promise.all([
-      this.api.json<Queue>(`/v1/queue?limit=${ROWS}`),
+      this.api.json<Queue>(`/v1/queue?limit=${this.#queue.limit}`),
       this.api.json<{ jobs: JobStatus[] }>("/v1/jobs?state=failed&limit=10"),
     ]);
-    refill(
-      this.#devices,
-      table(
-        [T.device, T.renderer, T.workers, T.memory],
-        queue.devices.map(device => [
-          device.device,
-          device.renderer,
-          `${device.workers_busy} / ${device.workers}`,
-          device.memory_bytes ? bytesText(device.memory_bytes) : "",
-        ]),
-        T.nothing,
-      ),
+    this.#devices.show(
+      queue.devices.map(device => [
+        device.device,
+        device.device,
+        device.renderer,
+        `${device.workers_busy} / ${device.workers}`,
+        device.memory_bytes ? bytesText(device.memory_bytes) : "",
+      ]),
     );
     const { others, store } = queue;
     this.#disk.textContent = store
@@ -214,40 +263,32 @@ export class Admin {
           total: bytesText(store.disk_bytes),
         })
       : "";
-    refill(
-      this.#queue,
-      table(
-        [T.job, T.tenant, T.device, T.state, T.progress, ""],
-        queue.jobs.map(job => [
-          job.filename || job.id.slice(0, 10),
-          job.tenant ?? "",
-          job.device ?? "",
-          job.state,
-          progressOf(job),
-          this.#button(
-            T.cancel,
-            job.filename || job.id,
-            () => this.api.request(`/v1/jobs/${job.id}`, { method: "DELETE" }),
-            () => this.#showQueue(),
-          ),
-        ]),
-        T.queueNone,
-      ),
-      others.running + others.queued > 0
-        ? h("p", { className: "quiet" }, t(T.queueOthers, others))
-        : null,
+    this.#queue.show(
+      queue.jobs.map(job => [
+        job.id,
+        nameOf(job),
+        job.tenant ?? "",
+        job.device ?? "",
+        job.state,
+        progressOf(job),
+        this.#button(
+          T.cancel,
+          job.filename || job.id,
+          () => this.api.request(`/v1/jobs/${job.id}`, { method: "DELETE" }),
+          () => this.#showQueue(),
+        ),
+      ]),
+      queue.next,
     );
-    refill(
-      this.#failures,
-      table(
-        [T.job, T.when, T.failures],
-        failed.jobs.map(job => [
-          job.filename || job.id.slice(0, 10),
-          when(job.ended_ms ?? job.created_ms),
-          job.error ? [job.error.detail, ...linesOf(job.error)].join("; ") : "",
-        ]),
-        T.failuresNone,
-      ),
+    this.#others.hidden = others.running + others.queued === 0;
+    this.#others.textContent = t(T.queueOthers, others);
+    this.#failures.show(
+      failed.jobs.map(job => [
+        job.id,
+        nameOf(job),
+        when(job.ended_ms ?? job.created_ms),
+        job.error ? [job.error.detail, ...linesOf(job.error)].join("; ") : "",
+      ]),
     );
   }
 
@@ -261,57 +302,45 @@ export class Admin {
       limit === null
         ? t(T.storageUse, { bytes: bytesText(used) })
         : t(T.storageOf, { bytes: bytesText(used), limit: bytesText(limit) });
-    refill(
-      this.#limits,
-      table(
-        [T.limits, ""],
-        Object.entries(me.limits).map(([name, value]) => [limitName(name), limitText(name, value)]),
-        T.limitNone,
-      ),
+    this.#limits.show(
+      Object.entries(me.limits).map(([name, value]) => [
+        name,
+        limitName(name),
+        limitText(name, value),
+      ]),
     );
     const [results, assets] = await Promise.all([
-      this.api.json<{ results: StoredResult[] }>(`/v1/results?limit=${ROWS}`),
-      this.api.json<{ assets: Asset[] }>(`/v1/assets?limit=${ROWS}`),
+      this.api.json<{ results: StoredResult[]; next?: string }>(
+        `/v1/results?limit=${this.#results.limit}`,
+      ),
+      this.api.json<{ assets: Asset[]; next?: string }>(`/v1/assets?limit=${this.#assets.limit}`),
     ]);
-    refill(
-      this.#results,
-      table(
-        [T.name, T.bytes, T.when, ""],
-        results.results.map(result => [
-          result.filename,
-          bytesText(result.bytes),
-          when(result.created_ms),
-          this.#button(
-            T.remove,
-            result.filename,
-            () => this.#remove(`/v1/jobs/${result.job}/result`, result.filename),
-            () => this.#showStorage(),
-          ),
-        ]),
-        T.nothing,
+    const stored = (path: string, name: string, of: Asset | StoredResult): Row => [
+      path,
+      name,
+      bytesText(of.bytes),
+      when(of.created_ms),
+      this.#button(
+        T.remove,
+        name,
+        () => this.#remove(path, name),
+        () => this.#showStorage(),
       ),
+    ];
+    this.#results.show(
+      results.results.map(result =>
+        stored(`/v1/jobs/${result.job}/result`, result.filename, result),
+      ),
+      results.next,
     );
-    refill(
-      this.#assets,
-      table(
-        [T.name, T.bytes, T.when, ""],
-        assets.assets.map(asset => [
-          asset.filename || asset.id.slice(0, 15),
-          bytesText(asset.bytes),
-          when(asset.created_ms),
-          this.#button(
-            T.remove,
-            asset.filename || asset.id,
-            () => this.#remove(`/v1/assets/${asset.id}`, asset.filename),
-            () => this.#showStorage(),
-          ),
-        ]),
-        T.nothing,
+    this.#assets.show(
+      assets.assets.map(asset =>
+        stored(`/v1/assets/${asset.id}`, asset.filename || asset.id.slice(0, 15), asset),
       ),
+      assets.next,
     );
   }
 
-  // The action ends the button's row, so the focus goes to the heading of the section.
   #button(
     text: string,
     of: string,
@@ -320,15 +349,13 @@ export class Admin {
   ): HTMLElement {
     const act = async () => {
       await action();
-      button.closest("section")?.querySelector("h2")?.focus();
       await refresh();
     };
-    const button = h(
+    return h(
       "button",
       { "aria-label": `${text}: ${of}`, onclick: () => void act().catch(this.onProblem) },
       text,
     );
-    return button;
   }
 
   async #remove(path: string, name: string): Promise<void> {

@@ -141,6 +141,7 @@ export interface Queue {
     readonly disk_bytes: number;
   };
   readonly jobs: readonly JobStatus[];
+  readonly next?: string;
 }
 
 export interface StoredResult {

@@ -187,6 +187,7 @@ export const enum T {
   bytes = "Size",
   when = "When",
   nothing = "Nothing is stored.",
+  showMore = "Show more",
   keys = "Keys",
   keyNew = "Key, shown only now",
   role = "Role",
