@@ -97,6 +97,47 @@ test("a picture, a turntable and a link that others can open", async ({ page, re
   expect(shared.headers()["content-disposition"]).toContain('"rocket.vox"');
 });
 
+test("options of a format stay for the next result and format that have them", async ({ page }) => {
+  const card = page.locator("#card-take"),
+    command = page.locator("#commands pre"),
+    option = name => card.getByLabel(name, { exact: true });
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 32);
+  await shown(page, 32);
+  await page.selectOption("#format", "slices");
+  await option("Channel").selectOption("color");
+  await option("Layout").selectOption("atlas");
+  await resize(page, 40);
+  await expect(command).toContainText("size=40");
+  await expect(command).toContainText("channel=color");
+  await expect(command).toContainText("layout=atlas");
+  await expect(option("Channel")).toHaveValue("color");
+  await expect(option("Layout")).toHaveValue("atlas");
+  await page.selectOption('#card-voxels select:has(option[value="average"])', "none");
+  await expect(command).toContainText("color=none");
+  await expect(command).toContainText("layout=atlas");
+  await expect(command).not.toContainText("channel=");
+  await expect(option("Channel")).toHaveValue("occupancy");
+  await page.selectOption("#format", "npz");
+  await expect(option("Layout")).toHaveValue("dense"); // it has no atlas
+  await option("Layout").selectOption("sparse");
+  await page.selectOption("#format", "npy");
+  await expect(command).toContainText("layout=sparse");
+  await page.selectOption("#format", "vox");
+  await expect(command).not.toContainText("layout");
+  const colors = option("Colours, at most");
+  await colors.fill("16");
+  await colors.press("Enter");
+  await expect(command).toContainText("palette=16");
+  await colors.fill("");
+  await colors.press("Enter");
+  await expect(colors).toHaveValue("255");
+  await expect(command).not.toContainText("palette");
+  await page.selectOption("#format", "qb");
+  await expect(option("Palette")).toHaveValue("-");
+});
+
 test("a grid that cannot be shown can be taken home", async ({ page }) => {
   await page.route(/\/v1\/grids\/[^/?]+(\?|$)/, route => route.fulfill({ body: "no grid" }));
   await page.goto(daemon.url);

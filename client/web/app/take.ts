@@ -118,7 +118,7 @@ export class Take {
     }
     this.#linkRow.hidden = this.#linkNote.hidden = true;
     this.#gif.textContent = source?.job.result?.sequence ? T.gifFrames : T.gif;
-    if (this.#format.options.some(({ name }) => name === "channel")) {
+    if (source && this.#format.options.some(({ name }) => name === "channel")) {
       this.#choose(this.#format.name);
     } else {
       this.#refresh();
@@ -192,42 +192,42 @@ export class Take {
     );
   }
 
+  // Options stay as they are where the format and the grid have them.
   #choose(name: string): void {
     this.#format = formatOf(name);
+    const before = this.#values,
+      channels = this.#source?.job.result?.meta?.channels ?? [];
     this.#values = {};
     fill(
       this.#optionFields,
       ...this.#format.options.map(option => {
-        if (option.range) {
-          const [min, max, value] = option.range;
-          return field(
-            optionText(option),
-            h("input", {
-              type: "number",
-              min,
-              max,
-              value,
-              onchange: (event: Event) =>
-                this.#setValue(
-                  option.name,
-                  Number((event.target as HTMLInputElement).value),
-                  value,
-                ),
-            }),
-          );
-        }
-        const has = this.#source?.job.result?.meta?.channels ?? [];
+        const { name, range } = option,
+          kept = before[name];
         const values = option.values.filter(
-          (value, i) => i === 0 || option.name !== "channel" || has.includes(value),
+          (value, i) => i === 0 || name !== "channel" || channels.includes(value),
         );
-        return field(
-          optionText(option),
-          select(
-            values.map(value => [value, value]),
-            option.values[0] as string,
-            value => this.#setValue(option.name, value, option.values[0] as string),
-          ),
-        );
+        if (kept && (range ? typeof kept === "number" : values.includes(String(kept))))
+          this.#values[name] = kept;
+        const byDefault = range ? range[2] : (values[0] as string),
+          value = this.#values[name] ?? byDefault;
+        const set = (value: string | number) => this.#setValue(name, value, byDefault);
+        const input = range
+          ? h("input", {
+              type: "number",
+              min: range[0],
+              max: range[1],
+              value,
+              onchange: () => {
+                input.value ||= String(byDefault);
+                set(Number(input.value));
+              },
+            })
+          : select(
+              values.map(value => [value, value]),
+              String(value),
+              set,
+            );
+        return field(optionText(option), input);
       }),
     );
     this.#refresh();
