@@ -86,7 +86,13 @@ test("a picture, a turntable and a link that others can open", async ({ page, re
     320,
     200,
   ]);
+  await page.check('#card-look input[value="box"]', { force: true });
+  await page.getByLabel("Box along y to").fill("20");
+  const asked = page.waitForRequest(
+    request => request.method() === "POST" && request.url().endsWith("/v1/jobs"),
+  );
   const gif = await download(page, () => page.click('button:text-is("Turntable GIF")'));
+  expect((await asked).postDataJSON().options.region).toMatch(/^0,0,0,\d+,20,\d+$/);
   expect([gif.name, gif.bytes.subarray(0, 6).toString()]).toEqual(["rocket.gif", "GIF89a"]);
   await page.selectOption("#format", "vox");
   await page.click('button:text-is("Share link")');

@@ -3,11 +3,12 @@ import { isAbort, type Api } from "./api";
 import { cliCommand, cppCode, curlCommand, pythonCode, type Recipe } from "./commands";
 import { field, fill, followLink, h, saveBlob, select } from "./dom";
 import { formatOf, formats, optionText, type OutputFormat } from "./formats";
-import type { DryRun, JobStatus } from "./model";
+import type { DryRun, GridMeta, JobStatus } from "./model";
 import { viewOptions } from "./picture";
 import type { Options, Runner, Wish } from "./runner";
 import type { Stage } from "./stage";
 import { bytesText, t, T } from "./texts";
+import type { Vec3 } from "../view/viewer";
 
 /** The result that is taken home. */
 export interface Source {
@@ -30,6 +31,13 @@ const IMAGE_SIDE_MAX = 4096;
 /** An input for a side of an image. */
 function side(label: string, value: number): HTMLInputElement {
   return h("input", { type: "number", min: 1, max: IMAGE_SIDE_MAX, value, "aria-label": label });
+}
+
+/** The cells of a grid before a corner of a box, which may be beyond its end at a coarser level. */
+function cellsOf(corner: Vec3, { dims, origin, voxel_size }: GridMeta = {}): readonly number[] {
+  return corner.map((v, c) =>
+    Math.min(dims![c]!, Math.round((v - origin![c]!) / voxel_size![c]!)),
+  );
 }
 
 export class Take {
@@ -348,7 +356,7 @@ export class Take {
     this.onNote(t(T.preparing, { name }));
     const { camera, channel, style, section, viewer } = this.stage;
     let blob: Blob;
-    // The daemon has no pan, no channels and no box.
+    // The daemon has no pan and no channels, and fits its camera to a region.
     if (viewer && (channel || section.box || camera.pan.some(value => value !== 0))) {
       blob = await viewer.image(width, height, this.#transparent.checked);
     } else {
@@ -373,13 +381,15 @@ export class Take {
     const name = `${this.#source?.stem}.gif`;
     this.onNote(t(T.preparing, { name }));
     const { camera, style, section } = this.stage;
-    const isSequence = Boolean(this.#source?.job.result?.sequence);
+    const { sequence, meta } = this.#source?.job.result ?? {};
     const { turntable, rate, ...size } = TURNTABLE;
+    const region = section.box?.map(corner => cellsOf(corner, meta)).join();
     const options = {
       image: "gif",
       ...size,
-      ...(isSequence ? {} : { turntable, rate }),
+      ...(sequence ? {} : { turntable, rate }),
       ...viewOptions(camera, style, section),
+      ...(region ? { region } : {}),
     };
     const job = await this.runner.other(
       {
