@@ -10,8 +10,12 @@ interface Waiting {
 }
 
 function errorOf(name: string, message: string): Error {
-  if (name === "DecodeError") return new DecodeError(message);
-  return name === "AbortError" ? new DOMException(message, name) : new Error(message);
+  return name === "DecodeError" ? new DecodeError(message) : new Error(message);
+}
+
+/** A later grid is shown, or the viewer is closed. */
+function abortError(): Error {
+  return new DOMException("", "AbortError");
 }
 
 export class Decoder {
@@ -58,11 +62,11 @@ export class Decoder {
     if (!waiting) return;
     this.#waiting.delete(this.#decoding);
     this.#worker?.postMessage({ kind: "abort", id: this.#decoding } satisfies Request);
-    waiting.reject(errorOf("AbortError", "a later grid is shown"));
+    waiting.reject(abortError());
   }
 
   dispose(): void {
-    this.#failAll((this.#closed = errorOf("AbortError", "the viewer is closed")));
+    this.#failAll((this.#closed = abortError()));
   }
 
   #ask(request: Request): Promise<Response> {
