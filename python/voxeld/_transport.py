@@ -1,11 +1,13 @@
 """HTTP exchanges with one daemon: pooled connections, retries, resumed and verified downloads."""
 from __future__ import annotations
 
+import functools
 import hashlib
 import http.client
 import io
 import os
 import re
+import socket
 import threading
 import urllib.parse
 from collections.abc import Callable, Mapping
@@ -44,6 +46,39 @@ class _Sink:
     def __init__(self) -> None:
         self.data = bytearray()
         self.received = 0
+
+
+def _limit(connected: socket.socket, call: Call, idle: float | None) -> None:
+    """Limits the next step of a socket by the end of the call and by `idle` seconds of silence."""
+    call.check()
+    limits = [each for each in (call.seconds_left(), idle) if each is not None]
+    connected.settimeout(min(limits, default=None))
+
+
+class _LimitedReader(io.RawIOBase):
+    """Calls `limit` before each read of a socket: its timeout counts for one read, and a response takes many."""
+
+    def __init__(self, raw: io.RawIOBase, limit: Callable[[], None]) -> None:
+        super().__init__()
+        self._raw = raw
+        self._limit = limit
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int | None:
+        self._limit()
+        return self._raw.readinto(buffer)
+
+    def close(self) -> None:
+        self._raw.close()
+        super().close()
+
+
+class _LimitedResponse(http.client.HTTPResponse):
+    def __init__(self, limit: Callable[[], None], *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.fp = io.BufferedReader(_LimitedReader(self.fp.detach(), limit))
 
 
 class _Broken(Exception):
@@ -208,13 +243,14 @@ class Transport:
         try:
             if call.cancel is not None:
                 call.cancel._watch(own)
-            self._set_timeout(connection, call, held)
+            limit = functools.partial(_limit, own, call,
+                                      None if self.idle_timeout is None else self.idle_timeout + held)
             try:
-                self._send(connection, call, method, path, open_body, body_bytes, headers, stage)
+                self._send(connection, call, limit, method, path, open_body, body_bytes, headers, stage)
                 is_sent = True
             except (BrokenPipeError, ConnectionResetError):
                 is_sent = False  # a refusal, such as 413, may have come before the whole body was sent
-            response = self._receive(connection, call, sink)
+            response = self._receive(connection, call, limit, sink)
             is_good = is_sent
             return response
         except TimeoutError:
@@ -229,8 +265,9 @@ class Transport:
             else:
                 connection.close()
 
-    def _send(self, connection: http.client.HTTPConnection, call: Call, method: str, path: str,
-              open_body: OpenBody | None, body_bytes: int, headers: Mapping[str, str], stage: str) -> None:
+    def _send(self, connection: http.client.HTTPConnection, call: Call, limit: Callable[[], None], method: str,
+              path: str, open_body: OpenBody | None, body_bytes: int, headers: Mapping[str, str], stage: str) -> None:
+        limit()
         connection.putrequest(method, self.server_path(path), skip_accept_encoding=True)
         key = self.server.key
         if key:
@@ -251,7 +288,7 @@ class Transport:
                     raise _changed(file, body_bytes, "more")
                 left = memoryview(piece)
                 while left:
-                    call.check()
+                    limit()
                     left = left[connection.sock.send(left[:SENT_BYTES]):]
                 sent += len(piece)
                 if body_bytes > PIECE_BYTES:
@@ -259,7 +296,10 @@ class Transport:
             if sent < body_bytes:
                 raise _changed(file, body_bytes, str(sent))
 
-    def _receive(self, connection: http.client.HTTPConnection, call: Call, sink: _Sink | None) -> Response:
+    def _receive(self, connection: http.client.HTTPConnection, call: Call, limit: Callable[[], None],
+                 sink: _Sink | None) -> Response:
+        settable: Any = connection
+        settable.response_class = functools.partial(_LimitedResponse, limit)
         raw = connection.getresponse()
         head = Response(raw.status, {name.lower(): value for name, value in raw.getheaders()}, b"")
         if sink is None or raw.status // 100 != 2:
@@ -290,15 +330,9 @@ class Transport:
                 if count == 0:
                     raise http.client.IncompleteRead(b"", total - sink.received)
                 sink.received += count
-                call.check()
                 if total > PIECE_BYTES:
                     call.report("download", sink.received, total, "bytes")
         raw.read()  # marks the response as read, so that the connection can be used again
-
-    def _set_timeout(self, connection: http.client.HTTPConnection, call: Call, held: float) -> None:
-        left = call.seconds_left()
-        idle = None if self.idle_timeout is None else self.idle_timeout + held
-        connection.sock.settimeout(min((each for each in (left, idle) if each is not None), default=None))
 
     # --- connections
 

@@ -25,6 +25,7 @@ from voxeld import _mesh, aio
 from voxeld._call import Call
 
 RESULT = bytes(range(256)) * 5000
+SLOW = b"slow" * 1000
 TAG = f'"sha256-{hashlib.sha256(RESULT).hexdigest()}"'
 DONE = {"id": "j-1", "kind": "voxelize", "state": "done", "tiles_done": 1, "tiles_total": 1, "frames_done": 0,
         "frames_total": 0, "stage": "", "result": {"grid": "sha256-a", "meta": {}, "media_type": "image/png"}}
@@ -46,7 +47,7 @@ def problem(status, code, *headers):
 
 class Script:
     """Answers requests one after the other. An answer: bytes; CLOSE after it ends the connection, SILENCE sends
-    nothing, REFUSE answers before the body is read."""
+    nothing, REFUSE answers before the body is read. SLOW in it comes byte by byte, in HANG_SECONDS."""
     CLOSE, SILENCE, REFUSE = object(), object(), object()
 
     def __init__(self, *answers):
@@ -86,12 +87,21 @@ class Script:
             if answer is self.SILENCE:
                 self.ended.wait(HANG_SECONDS)
                 return
-            connection.sendall(answer)
+            self.send(connection, answer)
             if is_refusal:
                 file.read(100)
             if self.answers and self.answers[0] is self.CLOSE:
                 self.answers.pop(0)
                 return
+
+    def send(self, connection, answer):
+        before, zeros, after = answer.partition(SLOW)
+        connection.sendall(before)
+        for each in zeros:
+            if self.ended.wait(HANG_SECONDS / len(SLOW)):
+                return
+            connection.sendall(bytes([each]))
+        connection.sendall(after)
 
     def header(self, name, request=-1):
         return next((line.split(": ", 1)[1] for line in self.heads[request] if line.startswith(name + ": ")), None)
@@ -130,8 +140,8 @@ class TransportTest(unittest.TestCase):
     def get(self, path="/v1/me", call=None):
         return self.client._transport.json(call or Call(), "GET", path)
 
-    def download(self):
-        return self.client._transport.download(Call(), "/v1/grids/a").body
+    def download(self, call=None):
+        return self.client._transport.download(call or Call(), "/v1/grids/a").body
 
     def raised(self, kind, code, work):
         with self.assertRaises(kind) as raised:
@@ -248,6 +258,14 @@ class Transport(TransportTest):
         threading.Timer(0.3, token.cancel).start()
         self.raised(voxeld.Cancelled, "interrupted", lambda: self.get(call=Call(cancel=token)))
 
+    def test_a_response_that_comes_slowly_does_not_outlast_the_timeout(self):
+        chunked = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n%x\r\n%b\r\n0\r\n\r\n" % (len(SLOW), SLOW)
+        for answer, work in ((response(200, SLOW), self.get), (response(200, b"", f"X-A: {SLOW.decode()}"), self.get),
+                             (response(200, SLOW), self.download), (chunked, self.download)):
+            self.script(answer)
+            self.assertIn("longer than 0.5 s", str(self.raised(
+                voxeld.Timeout, "timeout", lambda work=work: work(call=Call(0.5)))))
+
     def test_the_timeout_of_an_asynchronous_call_counts_for_its_arrays_too(self):
         script = self.script(json_response({"id": "sha256-a"}, 201), json_response(DONE), json_response(DONE),
                              Script.SILENCE)
@@ -330,8 +348,8 @@ class Transport(TransportTest):
         connection = http.client.HTTPConnection("voxeld")
         connection.sock = SlowSocket()
         body = bytes(range(256)) * 5000
-        self.client._transport._send(connection, Call(), "POST", "/v1/assets", lambda: io.BytesIO(body), len(body), {},
-                                     "upload")
+        self.client._transport._send(connection, Call(), lambda: None, "POST", "/v1/assets", lambda: io.BytesIO(body),
+                                     len(body), {}, "upload")
         self.assertTrue(connection.sock.taken.endswith(b"\r\n\r\n" + body))
 
     def test_an_exception_of_the_progress_function_is_none_of_the_connection(self):
