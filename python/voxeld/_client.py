@@ -67,8 +67,8 @@ class Client:
 
     @property
     def url(self) -> str:
-        """URL of the server."""
-        return self._transport.server.name
+        """URL of the server; a private one is started if it does not run."""
+        return self._transport.server.connect_url(Call())
 
     # --- meshes
 
@@ -204,7 +204,7 @@ class Client:
         response = self._transport.request(call, "GET", f"/v1/assets/{id}?brief=1", also_good=(404, 410))
         if response.status != 200:
             return None
-        asset = parse_object(response, self.url)
+        asset = parse_object(response, self._transport.server.name)
         is_same = _extension(str(asset.get("filename", ""))) == _extension(file.name)
         return Asset(str(asset["id"]), file.name) if is_same else None
 
@@ -266,7 +266,7 @@ class Client:
                 response = self._look(call, job, etag, waits=bool(etag) or not is_eager)
                 if response.status != 304:
                     etag = response.headers.get("etag", "")
-                    status = parse_object(response, self.url)
+                    status = parse_object(response, self._transport.server.name)
                 has_ended = _has_ended(status)
                 _report(call, status)
                 if has_ended and status["state"] != "done":
@@ -465,7 +465,7 @@ class TileStream(_JobStream):
             with self._call:
                 while (response := self._look(after)).status != 204:
                     if response.status == 202:
-                        self._status = parse_object(response, self._client.url)
+                        self._status = parse_object(response, self._client._transport.server.name)
                         _report(self._call, self._status)
                         continue
                     yield Tiles(_decode.decode(response.body))

@@ -127,14 +127,15 @@ class _Names:
 
     def is_file_inside(self, name: str) -> bool:
         try:
-            real = (self.folder / name).resolve(strict=True)
-            return real.is_file() and real.is_relative_to(self.folder.resolve())
+            real = pathlib.Path(os.path.realpath(self.folder / name, strict=True))
+            return real.is_file() and os.access(real, os.R_OK) and real.is_relative_to(self.folder.resolve())
         except (OSError, ValueError):
             return False
 
 
 def referenced_files(mesh: pathlib.Path) -> list[str]:
-    """Names relative to the folder of the mesh. Missing files are left out: the daemon warns of them."""
+    """Names relative to the folder of the mesh. Files that are missing or cannot be read are left out: the daemon
+    warns of them."""
     find = {".obj": _of_obj, ".ply": _of_ply, ".gltf": _of_gltf, ".glb": _of_gltf,
             ".md5mesh": _of_md5}.get(mesh.suffix.lower())
     if find is None:
@@ -267,7 +268,10 @@ def _of_md5(mesh: pathlib.Path, names: _Names) -> None:
         if key == "shader":
             stem = _stem(rest.strip('"'))
             wanted |= {stem, stem + "_d"}
-    files = sorted(path for path in mesh.parent.iterdir() if names.is_file_inside(path.name))
+    try:
+        files = sorted(path for path in mesh.parent.iterdir() if names.is_file_inside(path.name))
+    except OSError:  # the mesh itself can be read
+        return
     for path in files:
         if path.suffix.lower() == ".mtr":
             names.add(path.name)

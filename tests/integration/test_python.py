@@ -368,6 +368,18 @@ class Meshes(PythonTest):
         (self.dir / "a.mtl").unlink()
         self.assertEqual([each["name"] for each in self.client.info(self.dir / "a.obj")["missing_files"]], ["a.mtl"])
 
+    def test_files_that_cannot_be_read_are_left_out(self):
+        (self.dir / "loop.mtl").symlink_to("loop.mtl")
+        (self.dir / "a.mtl").write_text("map_Kd skin.png\n")
+        (self.dir / "skin.png").touch(0o000)
+        (self.dir / "a.obj").write_text("mtllib loop.mtl\nmtllib a.mtl\n")
+        files = ["a.mtl"] + ["skin.png"] * (os.geteuid() == 0)  # root reads every file
+        self.assertEqual(_references.referenced_files(self.dir / "a.obj"), files)
+
+    def test_an_md5mesh_of_a_folder_that_cannot_be_listed_is_sent_alone(self):
+        with unittest.mock.patch.object(pathlib.Path, "iterdir", side_effect=PermissionError):
+            self.assertEqual(_references.referenced_files(self.fixtures / "worm/worm.md5mesh"), [])
+
     def test_the_libraries_of_an_obj_are_found_without_reading_its_other_lines(self):
         (self.dir / "a.mtl").write_text("newmtl m\n")
         path = self.dir / "a.obj"

@@ -89,6 +89,11 @@ class Servers(unittest.TestCase):
                                 env=self.environment, check=True).stdout
         self.assertEqual(len(json.loads(listed)["jobs"]), 2)
 
+    def test_the_url_of_a_client_is_that_of_a_daemon_that_serves(self):
+        shown = self.python("import voxeld\nprint(voxeld.Client(local=True).url)")
+        self.assertEqual(shown.returncode, 0, shown.stderr)
+        self.assertEqual(shown.stdout.strip(), json.loads((self.data / "address").read_text())["url"])
+
     def test_a_daemon_that_has_ended_is_started_again_within_a_session(self):
         done = self.local(TRY + """
 import json, os, pathlib, signal, time
