@@ -342,6 +342,26 @@ std::vector<Option> output_options() {
        .codec = integer(&O::zarr_version, 2, 3),
        .help = "version of the Zarr format of a zarr",
        .is_written = is_zarr},
+  };
+}
+
+std::vector<Option> selection_options() {
+  using O = OutputOptions;
+  return {
+      {.name = "level",
+       .codec = integer(&O::level, 0, kLevelMax),
+       .help =
+           "level of detail: one voxel stands for 2^N on a side; of an image, the finest one drawn",
+       .is_written = is_coarse},
+      {.name = "level_rule",
+       .codec = word(&O::level_rule, words::kLevelRule),
+       .help = "occupied cells that a voxel of a level needs: any, or at least half of them",
+       .is_written = has_levels},
+      {.name = "region",
+       .form = "X0,Y0,Z0,X1,Y1,Z1",
+       .codec = region(),
+       .help = "cells of the grid: the first ones, and those after the last",
+       .default_words = "all"},
       {.name = "alpha",
        .codec = word(&O::alpha, words::kAlpha),
        .help = "whether voxels whose colour has alpha 0 are kept or left out",
@@ -350,8 +370,14 @@ std::vector<Option> output_options() {
                   "`mesh=instances`). After `level`, before `keep` and `hollow`. Alpha is 0 where "
                   "all texels that the voxel holds are transparent: below the `alphaCutoff` of a "
                   "glTF material in `MASK` mode.",
-       .is_written = gives_alpha,
-       .scopes = kAll},
+       .is_written = gives_alpha},
+  };
+}
+
+// Of grids alone: an image of them is made from a grid of its own.
+std::vector<Option> grid_selection_options() {
+  using O = OutputOptions;
+  return {
       {.name = "keep",
        .form = "largest | N",
        .codec = keep(),
@@ -408,26 +434,6 @@ std::vector<Option> output_options() {
   };
 }
 
-std::vector<Option> selection_options() {
-  using O = OutputOptions;
-  return {
-      {.name = "level",
-       .codec = integer(&O::level, 0, kLevelMax),
-       .help =
-           "level of detail: one voxel stands for 2^N on a side; of an image, the finest one drawn",
-       .is_written = is_coarse},
-      {.name = "level_rule",
-       .codec = word(&O::level_rule, words::kLevelRule),
-       .help = "occupied cells that a voxel of a level needs: any, or at least half of them",
-       .is_written = has_levels},
-      {.name = "region",
-       .form = "X0,Y0,Z0,X1,Y1,Z1",
-       .codec = region(),
-       .help = "cells of the grid: the first ones, and those after the last",
-       .default_words = "all"},
-  };
-}
-
 std::vector<Option> request_options() {
   return {
       {.name = "cache",
@@ -459,6 +465,7 @@ std::vector<Option> all_options() {
   add(OptionGroup::kAnimation, kMesh, animation_options());
   add(OptionGroup::kOutput, kGridOut, output_options());
   add(OptionGroup::kSelection, kAll, selection_options());
+  add(OptionGroup::kSelection, kGridOut, grid_selection_options());
   add(OptionGroup::kImage, kImageOut, image_options());
   add(OptionGroup::kSeveralImages, kImageOut, several_images_options());
   add(OptionGroup::kRequest, kAll, request_options());

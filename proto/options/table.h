@@ -24,7 +24,7 @@ enum class OptionGroup {
   kVoxelization,
   kAnimation,
   kOutput,
-  kSelection,
+  kSelection,  // all by which a result's voxels differ from those of the grid that a job stores
   kImage,
   kSeveralImages,
   kRequest

@@ -218,6 +218,10 @@ class Types(unittest.TestCase):
         self.assertEqual(set(made_of(options.GridImageOptions)),
                          grid_image | {"level", "level_rule", "alpha", "region", "cache"})
 
+    def test_options_by_which_a_result_differs_from_its_stored_grid_are_those_of_the_document(self):
+        table = (ROOT / "docs/options.md").read_text().split("\n**Selection**", 1)[1].split("\n**", 1)[0]
+        self.assertEqual(set(re.findall(r"^\| `(\w+)`", table, re.MULTILINE)), options.PlaceOptions.__optional_keys__)
+
     def test_literals_are_the_values_of_the_api(self):
         schemas = self.openapi_options()
         checked = 0

@@ -9,6 +9,7 @@
 #include "client/cli/output_name.h"
 #include "client/cli/terminal/progress_bar.h"
 #include "client/cli/terminal/report.h"
+#include "proto/options/table.h"
 
 namespace voxeld::cli {
 namespace {
@@ -93,22 +94,19 @@ std::string option_text(const nlohmann::json& value) {
 
 // The options by which a job's result differs from the grid that it stored.
 void take_selection(const JobInfo& job, client::Options& options) {
-  constexpr std::string_view kSelecting[] = {"level", "level_rule", "region", "alpha",
-                                             "keep",  "dilate",     "erode",  "hollow",
-                                             "crop",  "neighbors",  "mirror", "remap"};
   const auto status = parsed(job.json);
   const auto given = status.find("options");
   if (given == status.end()) return;
-  // The container of a selection is stored as the job's grid.
-  const bool is_stored = job.sequence.empty() && given->value("format", "") == "native" &&
-                         given->value("codec", "") == "fast";
-  if (is_stored) return;
+  // A result that is the stored grid itself: the container of a selection is stored.
+  if (status.value(nlohmann::json::json_pointer("/result/blob"), "") == job.grid) return;
   // Frames of an exported sequence; those of a mesh's animation are all that its sequence has.
   const auto frames = given->find("frames");
   if (job.kind == "export" && frames != given->end()) options.set("frames", option_text(*frames));
-  for (const std::string_view name : kSelecting) {
-    const auto value = given->find(name);
-    if (value != given->end()) options.set(std::string(name), option_text(*value));
+  for (const Option& option : option_table()) {
+    const auto value = given->find(option.name);
+    if (option.group == OptionGroup::kSelection && value != given->end()) {
+      options.set(std::string(option.name), option_text(*value));
+    }
   }
   const auto palette = given->find("palette");  // a number is of a .vox alone
   if (palette != given->end() && !palette->is_number()) {

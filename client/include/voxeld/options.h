@@ -132,6 +132,11 @@ constexpr std::string_view name_of(Dither value) {
   constexpr std::string_view kNames[] = {"none", "bayer", "error"};
   return kNames[static_cast<std::size_t>(value)];
 }
+enum class LevelRule { kAny, kMajority };
+constexpr std::string_view name_of(LevelRule value) {
+  constexpr std::string_view kNames[] = {"any", "majority"};
+  return kNames[static_cast<std::size_t>(value)];
+}
 enum class Alpha { kAuto, kKeep, kCut };
 constexpr std::string_view name_of(Alpha value) {
   constexpr std::string_view kNames[] = {"auto", "keep", "cut"};
@@ -145,11 +150,6 @@ constexpr std::string_view name_of(Neighbors value) {
 enum class Axis { kX, kY, kZ };
 constexpr std::string_view name_of(Axis value) {
   constexpr std::string_view kNames[] = {"x", "y", "z"};
-  return kNames[static_cast<std::size_t>(value)];
-}
-enum class LevelRule { kAny, kMajority };
-constexpr std::string_view name_of(LevelRule value) {
-  constexpr std::string_view kNames[] = {"any", "majority"};
   return kNames[static_cast<std::size_t>(value)];
 }
 enum class Style { kVoxel, kSmooth, kClay, kIso, kBlueprint };
@@ -309,6 +309,17 @@ class VOXELD_CLIENT_API Options {
   Options& schem_version(int value) { return set("schem_version", text(value)); }
   // version of the Zarr format of a zarr (2 to 3; default: 3)
   Options& zarr_version(int value) { return set("zarr_version", text(value)); }
+
+  // --- selection
+  // level of detail: one voxel stands for 2^N on a side; of an image, the finest one drawn (0 to
+  // 14; default: 0)
+  Options& level(int value) { return set("level", text(value)); }
+  // occupied cells that a voxel of a level needs: any, or at least half of them (default: any)
+  Options& level_rule(LevelRule value) { return set("level_rule", std::string(name_of(value))); }
+  // X0,Y0,Z0,X1,Y1,Z1: cells of the grid: the first ones, and those after the last (default: all)
+  Options& region(const std::array<int, 6>& values) {
+    return set("region", text(std::span<const int>(values)));
+  }
   // whether voxels whose colour has alpha 0 are kept or left out (default: auto)
   Options& alpha(Alpha value) { return set("alpha", std::string(name_of(value))); }
   // largest | N: number of the largest components of voxels that remain; 0: all (default: all)
@@ -331,17 +342,6 @@ class VOXELD_CLIENT_API Options {
   Options& crop(std::same_as<bool> auto value) { return set("crop", text(value)); }
   // axes along which the cells are in reverse order (default: none)
   Options& mirror(const std::vector<Axis>& values) { return set("mirror", text(values)); }
-
-  // --- selection
-  // level of detail: one voxel stands for 2^N on a side; of an image, the finest one drawn (0 to
-  // 14; default: 0)
-  Options& level(int value) { return set("level", text(value)); }
-  // occupied cells that a voxel of a level needs: any, or at least half of them (default: any)
-  Options& level_rule(LevelRule value) { return set("level_rule", std::string(name_of(value))); }
-  // X0,Y0,Z0,X1,Y1,Z1: cells of the grid: the first ones, and those after the last (default: all)
-  Options& region(const std::array<int, 6>& values) {
-    return set("region", text(std::span<const int>(values)));
-  }
 
   // --- image
   // width of an image in pixels (1 to 4096; default: 512, in a sheet 160)

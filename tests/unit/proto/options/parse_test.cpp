@@ -408,16 +408,17 @@ TEST(Options, each_scope_takes_its_own_options_alone) {
       "root_motion ";
   const std::string of_output =
       "format codec layout axes dtype palette mesh channel compress blocks dither schem_version "
-      "zarr_version alpha keep dilate erode hollow neighbors remap crop mirror ";
-  const std::string of_selection = "level level_rule region ";
+      "zarr_version ";
+  const std::string of_selection = "level level_rule region alpha ";
+  const std::string of_grid = "keep dilate erode hollow neighbors remap crop mirror ";
   const std::string of_image =
       "width height style projection azimuth elevation zoom matrix background occlusion shadow "
       "ground exposure samples renderer section image frame turntable rate columns ";
   const std::map<OptionScope, std::string> expected = {
-      {OptionScope::kVoxelize, of_mesh + of_output + of_selection},
-      {OptionScope::kRenderMesh, of_mesh + "alpha " + of_selection + of_image},
-      {OptionScope::kRenderGrid, "frames alpha " + of_selection + of_image},
-      {OptionScope::kExport, "frames " + of_output + of_selection},
+      {OptionScope::kVoxelize, of_mesh + of_output + of_selection + of_grid},
+      {OptionScope::kRenderMesh, of_mesh + of_selection + of_image},
+      {OptionScope::kRenderGrid, "frames " + of_selection + of_image},
+      {OptionScope::kExport, "frames " + of_output + of_selection + of_grid},
   };
   for (const auto& [scope, names] : expected) {
     std::string taken;
