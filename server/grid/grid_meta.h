@@ -31,9 +31,11 @@ class GridMeta {
   // changed it.
   double band_voxels() const;
   GridMeta with_band_voxels(double thickness) const;
-  // Whether no surface is between the centres of two neighbours of which one has no voxel, so that
-  // it has the sign of the other's distance: in a band of at least one voxel to each side.
-  bool tells_sides() const { return is_band() && band_voxels() >= 1; }
+  // Whether a cell without a voxel has the sign of the distance of each neighbour that has one
+  // (server/voxel/README.md).
+  bool tells_sides() const {
+    return is_band() && band_voxels() >= (has_world_distances() ? 1 : 0.75);
+  }
   bool has_world_distances() const;  // rather than distances in voxels
   bool operator==(const GridMeta& other) const { return *members_ == *other.members_; }
 

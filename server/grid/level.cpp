@@ -30,10 +30,14 @@ uint32_t first_code(const TileCoord& coord, int level) {
   return morton_encode(cell[0], cell[1], cell[2]);
 }
 
-// The thickness of a band in voxels of the level. By majority its rim may be half a voxel nearer.
-double level_band_voxels(double thickness, int level, LevelRule rule) {
+// The thickness of a band in voxels of the level. By majority half of it counts, since its rim is
+// lost, and none where voxels that the grid's end cuts have too few cells for a majority.
+double level_band_voxels(double thickness, const glm::ivec3& dims, int level, LevelRule rule) {
   const double voxels = std::ldexp(thickness, -level);
-  return rule == LevelRule::kAny ? voxels : std::max(0.0, voxels - 0.5);
+  if (rule == LevelRule::kAny) return voxels;
+  const int rest = (1 << level) - 1;
+  const bool is_whole = ((dims.x | dims.y | dims.z) & rest) == 0;
+  return is_whole ? voxels / 2 : 0;
 }
 
 }  // namespace
@@ -63,10 +67,12 @@ LevelTiles::LevelTiles(const TileSource& source, int level, LevelRule rule)
   const Grid& grid = source.grid();
   grid_.spec = level_spec(grid.spec, level);
   grid_.channels = grid.channels;
-  grid_.meta =
-      grid.meta.is_band()
-          ? grid.meta.with_band_voxels(level_band_voxels(grid.meta.band_voxels(), level, rule))
-          : grid.meta;
+  if (grid.meta.is_band()) {
+    grid_.meta = grid.meta.with_band_voxels(
+        level_band_voxels(grid.meta.band_voxels(), grid.spec.dims, level, rule));
+  } else {
+    grid_.meta = grid.meta;
+  }
   // Source tiles under one tile are consecutive in Morton order.
   for (size_t i = 0; i < source.coords().size(); ++i) {
     TileCoord coord = source.coords()[i];

@@ -6,7 +6,7 @@
 namespace voxeld {
 namespace {
 
-constexpr int kSchemaVersion = 2;
+constexpr int kSchemaVersion = 3;
 // Stands in the text for the type of a numbered primary key.
 constexpr std::string_view kRowNumber = "ROW_NUMBER";
 

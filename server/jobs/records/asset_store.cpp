@@ -316,11 +316,13 @@ Result<int64_t> AssetStore::remove_unneeded() {
     VOXELD_ASSIGN(const auto deleted, deleted_assets(connection));
     std::set<std::string> ids;
     for (const DeletedAsset& asset : deleted) ids.insert(asset.id);
-    VOXELD_TRY(remove_blobs(connection, database_, {ids.begin(), ids.end()}, remove_blob()));
+    VOXELD_ASSIGN(const auto removed,
+                  remove_blobs(connection, database_, {ids.begin(), ids.end()}, remove_blob()));
+    const std::set<std::string> gone(removed.begin(), removed.end());
     for (const DeletedAsset& asset : deleted) {
-      // Whoever keeps the blob lets it go. One that is there and that nobody keeps could not go.
+      // Whoever keeps the blob lets it go.
       VOXELD_ASSIGN(const bool is_kept, is_needed(connection, asset.id));
-      if (!is_kept && blobs_.stat(asset.id)) continue;
+      if (!is_kept && !gone.contains(asset.id)) continue;
       VOXELD_TRY(keep_record(connection, asset));
       ++done;
     }

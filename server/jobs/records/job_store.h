@@ -54,8 +54,8 @@ struct LiveJob {
 // How a job lost its worker.
 struct WorkerLoss {
   std::string reason;
-  bool counts = false;          // it is the job's fault, perhaps
-  int64_t displaced_bytes = 0;  // the worker took so much, and all together too much; 0: otherwise
+  bool counts = false;          // as an attempt: it is the job's fault, perhaps
+  int64_t displaced_bytes = 0;  // that it took or needs, where all together took too much
 };
 
 // A job in the state `running`, as its claim left it.
@@ -120,8 +120,7 @@ class JobStore {
   Result<std::optional<JobRecord>> complete(const FinishedTask& task, const LiveJob& live);
   Result<std::optional<JobRecord>> fail(std::string_view id, int64_t fence, const Error& error,
                                         const LiveJob& live);
-  // The job's worker is gone. Queued again; a loss counts as an attempt where WorkerLoss says so,
-  // or where it is not the first for want of memory.
+  // The job's worker is gone. Queued again, or failed where that was its last attempt.
   Result<std::optional<JobRecord>> lose_worker(std::string_view id, int64_t fence,
                                                const WorkerLoss& loss, const LiveJob& live);
   // Queued again without counting the attempt, at its place in the order of arrival and with its

@@ -26,14 +26,12 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
     if (!running) return {};
-    // From the second time on it has waited for the memory that it took before.
-    const bool counts = loss.counts || (loss.displaced_bytes > 0 && running->displaced_bytes > 0);
     std::string lost = running->lost_workers;
-    if (counts) lost += (lost.empty() ? "" : ", ") + loss.reason;
+    if (loss.counts) lost += (lost.empty() ? "" : ", ") + loss.reason;
     if (running->cancel_requested) {
       VOXELD_TRY(end_with_error(connection, id,
                                 {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
-    } else if (counts && running->status.attempt >= limits::kJobAttemptsMax) {
+    } else if (loss.counts && running->status.attempt >= limits::kJobAttemptsMax) {
       const Error error{
           ErrorCode::kWorkerCrashed,
           "the job ended " + std::to_string(running->status.attempt) + " workers: " + lost, "", ""};
@@ -44,7 +42,7 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
           "$3,"
           " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1,"
           " device_us = device_us + $5, displaced_bytes = $6 WHERE id = $1",
-          id, int64_t{counts ? 0 : 1}, lost, live.version, live.device_us,
+          id, int64_t{loss.counts ? 0 : 1}, lost, live.version, live.device_us,
           std::max(running->displaced_bytes, loss.displaced_bytes)));
     }
     VOXELD_ASSIGN(changed, record_change(connection, id));

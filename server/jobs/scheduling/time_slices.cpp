@@ -98,12 +98,15 @@ Result<TimeSlices::Outcome> TimeSlices::take(std::string_view id, int64_t fence,
   const Task task = find(id, fence);
   if (task == nullptr) return Outcome::kFenced;
   end_slice(*task);
-  const int64_t reserved = std::exchange(task->reserved_bytes, 0);
-  if (!task->has_memory || reserved > 0) {
+  if (!task->has_memory || task->reserved_bytes > 0) {
+    const int64_t reserved = std::exchange(task->reserved_bytes, 0);
+    const bool is_covered = task->has_memory && need.host_bytes <= reserved;
+    task->has_memory = false;
     task->need = {std::max(need.host_bytes, reserved), need.device_bytes};
     VOXELD_TRY(check_fits(*task));
+    // More memory of the host than it has comes in the order of all.
     const auto all = memories(*task, [](const Started&) { return true; });
-    task->has_memory = task->has_memory && std::ranges::all_of(all, &Memory::fits);
+    task->has_memory = is_covered && std::ranges::all_of(all, &Memory::fits);
   }
   return wait(task, lock, stop);
 }
@@ -176,6 +179,12 @@ int64_t TimeSlices::granted_bytes(std::string_view id) const {
   MutexLock lock(mutex_);
   const auto found = tasks_.find(id);
   return found != tasks_.end() && found->second->has_memory ? found->second->need.host_bytes : 0;
+}
+
+int64_t TimeSlices::needed_bytes(std::string_view id) const {
+  MutexLock lock(mutex_);
+  const auto found = tasks_.find(id);
+  return found != tasks_.end() ? found->second->need.host_bytes : 0;
 }
 
 int64_t TimeSlices::device_us(std::string_view id) const {

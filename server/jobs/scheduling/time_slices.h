@@ -127,6 +127,8 @@ class TimeSlices {
   std::string waiting_for(std::string_view id) const EXCLUDES(mutex_);
   // Memory of the host that it has been granted; 0 before its first time slice.
   int64_t granted_bytes(std::string_view id) const EXCLUDES(mutex_);
+  // The same, granted or not; 0: it has told no need.
+  int64_t needed_bytes(std::string_view id) const EXCLUDES(mutex_);
   // For which it has held its device since begin_task().
   int64_t device_us(std::string_view id) const EXCLUDES(mutex_);
 

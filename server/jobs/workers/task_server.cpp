@@ -167,8 +167,8 @@ WorkerWatch::Calls TaskServer::watch_calls() {
 ScratchWatch::Calls TaskServer::scratch_calls() {
   return {[this] { return watched_scratch(); },
           [this](const WatchedScratch& worker, const Error& error) {
-            end_worker({.pid = worker.pid, .task = worker.task}, {error.message(), /*counts=*/true},
-                       error);
+            const bool counts = error.code != ErrorCode::kStorageFull;
+            end_worker({.pid = worker.pid, .task = worker.task}, {error.message(), counts}, error);
           }};
 }
 
@@ -181,7 +181,9 @@ std::vector<WatchedWorker> TaskServer::watched() const {
     }
   }
   for (WatchedWorker& worker : all) {
-    if (!worker.task.empty()) worker.asked_bytes = context_.slices.granted_bytes(worker.task);
+    if (worker.task.empty()) continue;
+    worker.asked_bytes = context_.slices.granted_bytes(worker.task);
+    worker.needed_bytes = context_.slices.needed_bytes(worker.task);
   }
   return all;
 }

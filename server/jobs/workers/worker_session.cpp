@@ -78,7 +78,8 @@ std::optional<WatchedWorker> WorkerSession::watched() const {
   return WatchedWorker{.pid = state_.pid,
                        .task = state_.task,
                        .task_seconds = task_age_.ms() / 1000.0,
-                       .silent_seconds = silence_ ? silence_->ms() / 1000.0 : 0.0};
+                       .silent_seconds = silence_ ? silence_->ms() / 1000.0 : 0.0,
+                       .was_displaced = was_displaced_};
 }
 
 std::optional<WatchedScratch> WorkerSession::watched_scratch() const {
@@ -287,6 +288,7 @@ Status WorkerSession::send_task(const JobRecord& record, const Task& sent) {
   const JobStatus& status = record.status;
   const TaskServerContext& parts = context_.parts;
   input_ = sent.input_hash;
+  tenant_ = record.tenant;
   deadline_ms_ = record.deadline_ms;
   parts.slices.begin_task({status.id, record.fence, device_, record.tenant, status.priority,
                            deadline_ms_ == kNoDeadline ? 0 : deadline_ms_, record.seq, pid_});
@@ -306,6 +308,7 @@ Status WorkerSession::send_task(const JobRecord& record, const Task& sent) {
   kill_reason_.clear();
   VOXELD_TRY(socket_.set_receive_timeout(context_.config.limits.silence_seconds_max));
   if (context_.config.on_task) context_.config.on_task(pid_);
+  has_worker_ = true;
   return send({{"task", to_json_message(sent)}});
 }
 
@@ -316,6 +319,9 @@ void WorkerSession::wait_for_memory(const JobRecord& record) {
   (void)context_.parts.slices.reserve(record.status.id, fence_, record.displaced_bytes, [this] {
     return context_.stopping || stop_age_seconds() >= 0 || socket_.peer_closed();
   });
+  MutexLock lock(mutex_);
+  was_displaced_ = true;
+  task_age_.lap();
 }
 
 // A job whose task cannot be told ends as failed, before any worker has it.
@@ -473,9 +479,11 @@ bool WorkerSession::is_mine(const std::string& task_id, int64_t fence) const {
 
 void WorkerSession::set_task(std::string id, int64_t fence) {
   fence_ = fence;
+  has_worker_ = false;
   MutexLock lock(mutex_);
   state_.task = std::move(id);
   task_age_.lap();
+  was_displaced_ = false;
   verdict_.reset();
   ended_.reset();
 }
@@ -520,81 +528,6 @@ double WorkerSession::stop_age_seconds() const {
   const int64_t late_ms = context_.parts.jobs.deadline_now_ms() - deadline_ms_;
   if (deadline_ms_ == kNoDeadline || late_ms < 0) return cancelled;
   return std::max(cancelled, static_cast<double>(late_ms) / 1000.0);
-}
-
-// A full disk, the daemon's stop and the memory that other jobs take are not the job's fault.
-WorkerLoss WorkerSession::loss_of_task(const Error& why) const {
-  MutexLock lock(mutex_);
-  WorkerLoss loss = ended_.value_or(WorkerLoss{"", /*counts=*/true});
-  if (context_.stopping || why.code == ErrorCode::kStorageFull) loss.counts = false;
-  return loss;
-}
-
-// How the worker was lost, for the job's error.
-std::string WorkerSession::lost_reason(const Error& why, const WorkerLoss& loss) {
-  std::string reason = kill_reason_.empty() ? loss.reason : kill_reason_;
-  if (loss.counts && reason.empty() && why.code == ErrorCode::kDeadlineExceeded) {
-    reason = "no sign of life";
-    kill(pid_);  // it may not go on with this task
-  } else if (loss.counts && reason.empty() && context_.config.exit_reason) {
-    reason = context_.config.exit_reason(pid_);
-  }
-  if (!reason.empty()) return reason;
-  const bool closed = why.code == ErrorCode::kGone || why.detail.empty();
-  return closed ? "connection lost" : why.message();
-}
-
-// The database may be full for hours, and a job must not hang in `running` for that: this goes on
-// until it succeeds or the daemon stops, after which recover() does it.
-void WorkerSession::put_back(const Error& why) noexcept {
-  constexpr std::chrono::milliseconds kBetweenTries{500};
-  constexpr int kTriesWhileStopping = 2;
-  std::string reason;
-  for (int tries = 0; !context_.stopping || tries < kTriesWhileStopping; ++tries) {
-    bool is_done = false;
-    guarded("putting a job back", [&] {
-      if (const auto record = context_.dispatcher.assigned(number_)) {
-        set_task(record->status.id, record->fence);
-        context_.dispatcher.accept(number_);
-      }
-      const std::string lost_task = task();
-      if (!lost_task.empty()) {
-        WorkerLoss loss = loss_of_task(why);
-        if (reason.empty()) reason = lost_reason(why, loss);
-        loss.reason = reason;
-        auto lost = end_lost(lost_task, loss);
-        if (!lost) {
-          log::error("cannot put a job back",
-                     {{"job", lost_task}, {"error", lost.error().message()}});
-          return;
-        }
-        is_done = true;
-        const auto& job = *lost;
-        if (job && loss.counts) context_.parts.slices.charge_lost_worker(device_, job->tenant);
-        if (job) end_task(*job);
-        context_.dispatcher.notify_work();
-      }
-      is_done = true;
-    });
-    if (is_done) return;
-    std::this_thread::sleep_for(kBetweenTries);
-  }
-}
-
-// Failed, where a watch has ended the worker for what the job took; else the job is put back.
-Result<std::optional<JobRecord>> WorkerSession::end_lost(const std::string& task_id,
-                                                         const WorkerLoss& loss) {
-  std::optional<Error> verdict;
-  {
-    MutexLock lock(mutex_);
-    verdict = verdict_;
-  }
-  const LiveJob live = context_.parts.live(task_id);
-  if (verdict) {
-    files_.clear();  // first, since the disk may be full of what it wrote
-    return context_.parts.jobs.fail(task_id, fence_, *verdict, live);
-  }
-  return context_.parts.jobs.lose_worker(task_id, fence_, loss, live);
 }
 
 }  // namespace voxeld

@@ -120,6 +120,8 @@ class WorkerSession {
   int64_t pid_ = 0;
   int64_t fence_ = 0;
   std::string input_;                  // hash, of the task
+  std::string tenant_;                 // of the task
+  bool has_worker_ = false;            // the task was sent
   int64_t deadline_ms_ = kNoDeadline;  // of the task
   TaskProgress progress_;              // the last report that said something new …
   Stopwatch since_progress_;           // … and its age
@@ -128,6 +130,7 @@ class WorkerSession {
   mutable Mutex mutex_;
   WorkerState state_ GUARDED_BY(mutex_);
   Stopwatch task_age_ GUARDED_BY(mutex_);
+  bool was_displaced_ GUARDED_BY(mutex_) = false;       // the job, before
   std::optional<Error> verdict_ GUARDED_BY(mutex_);     // of a watch, on the task that runs
   std::optional<WorkerLoss> ended_ GUARDED_BY(mutex_);  // by a watch, for the task that runs
   // Since when the gateway waits for its next message; nullopt while it works on one.

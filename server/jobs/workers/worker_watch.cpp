@@ -91,12 +91,14 @@ void WorkerWatch::look_at_all(const std::vector<Measured>& all) const {
       all.begin(), all.end(), [&](const auto& a, const auto& b) { return beyond(a) < beyond(b); });
   const auto busy =
       std::ranges::count_if(all, [](const Measured& one) { return !one.worker->task.empty(); });
-  calls_.displaced(*first->worker,
-                   {"memory of all workers: " + memory_text(sum) + ", limit " +
-                        memory_text(limits_.all_memory_bytes_max) + "; this one took " +
-                        memory_text(first->bytes) + " and had asked for " +
-                        memory_text(first->worker->asked_bytes),
-                    busy <= 1 || first->bytes > limits_.all_memory_bytes_max, first->bytes});
+  const WatchedWorker& worker = *first->worker;
+  const bool counts = busy <= 1 || first->bytes > limits_.all_memory_bytes_max ||
+                      (worker.was_displaced && worker.asked_bytes > 0);
+  calls_.displaced(worker, {"memory of all workers: " + memory_text(sum) + ", limit " +
+                                memory_text(limits_.all_memory_bytes_max) + "; this one took " +
+                                memory_text(first->bytes) + " and had asked for " +
+                                memory_text(worker.asked_bytes),
+                            counts, std::max(first->bytes, worker.needed_bytes)});
 }
 
 }  // namespace voxeld

@@ -19,7 +19,10 @@ struct WatchedWorker {
   std::string task;           // job id; empty: idle
   double task_seconds = 0;    // since it was given
   double silent_seconds = 0;  // since a message was expected of it
-  int64_t asked_bytes = 0;    // of memory, which the task was granted; 0: it has not asked yet
+  int64_t asked_bytes = 0;    // of memory, which the task was granted; 0: none yet
+  int64_t needed_bytes = 0;   // of memory, for which it asks, granted or not
+  // For want of memory the job has lost a worker before. Since then it begins with what it needs.
+  bool was_displaced = false;
 };
 
 struct WatchLimits {
@@ -44,7 +47,8 @@ class WorkerWatch {
     // The worker must be ended, and its job fails with this error.
     std::function<void(const WatchedWorker&, const Error&)> condemned;
     // The worker must be ended, because all workers together exceed the limit and this one exceeds
-    // its request the most. Its job is retried. The loss counts if it exceeds the limit alone.
+    // its request the most. Its job is retried. The loss counts if it exceeds the limit alone, and
+    // each time that it was granted memory after the first.
     std::function<void(const WatchedWorker&, const WorkerLoss& loss)> displaced;
     // The worker gives no sign of life: others have the device. Each period, until it does.
     std::function<void(const WatchedWorker&)> silent;

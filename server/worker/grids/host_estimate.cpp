@@ -164,16 +164,6 @@ int64_t written_voxels(const Engine& engine, const Scene& scene, const RequestOp
   return estimate ? std::min(size.voxels, 2 * estimate->voxels) : size.voxels;
 }
 
-// The tiles and tables of an image, at most image_limits.
-int64_t drawn_bytes(const Engine& engine, const TileSource& source) {
-  const auto limit = static_cast<int64_t>(engine.image_limits.bytes_max);
-  int64_t all = 0;
-  for (size_t i = 0; i < source.coords().size() && all < limit; ++i) {
-    all += 4 * tile_bytes_max(source, i);  // its tables are less than three times as large
-  }
-  return std::min(all, limit);
-}
-
 }  // namespace
 
 int64_t grid_bytes(const Engine& engine, const Scene& scene, const RequestOptions& options,
@@ -236,19 +226,18 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
          encoded_bytes(grid.spec, voxels, grid.channels, output);
 }
 
-int64_t image_device_bytes(Engine& engine, const TileSource& source, const RenderOptions& render) {
-  const auto by = engine.choose_renderer(render.renderer);
-  if (!by || by->name != "gl") return 0;
-  return drawn_bytes(engine, source) + int64_t{4} * render.width * render.height;
-}
-
 int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOptions& render) {
   const int64_t batch = std::max<int64_t>(8, 2 * threads());
-  const int64_t all = drawn_bytes(engine, source);
+  const auto limit = static_cast<int64_t>(engine.image_limits.bytes_max);
+  int64_t all = 0;
+  for (size_t i = 0; i < source.coords().size() && all < limit; ++i) {
+    all += 4 * tile_bytes_max(source, i);  // its tables are less than three times as large
+  }
   const auto by = engine.choose_renderer(render.renderer);
   // A software driver copies a table while it is uploaded; its shaders come on top.
   const auto table = static_cast<int64_t>(
       std::min(by ? by->renderer->table_bytes_max() : 0, engine.image_limits.bytes_max / 2));
+  all = std::min(all, limit);
   return all + std::min(all, table) + 3 * batch * largest_tile_bytes(source) +
          int64_t{16} * render.width * render.height + kSoftwareDeviceBytes / 2;
 }

@@ -29,8 +29,6 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
 
 // The estimate of an image: its tiles and tables, at most image_limits, and its pixels.
 int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOptions& render);
-// Its part on the device: tables and pixels; 0 on the CPU.
-int64_t image_device_bytes(Engine& engine, const TileSource& source, const RenderOptions& render);
 
 // Writes host_bytes_estimate into meta: the resident bytes now plus `more`, but no less than the
 // peak so far and earlier estimates of the task. The task's time slice requests resident bytes plus

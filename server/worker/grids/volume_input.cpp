@@ -95,6 +95,9 @@ GridMeta volume_meta(const Task& task, const VolumeInput& input, double threshol
     const auto fill = options->find("fill");
     if (fill != options->end() && fill->is_string()) meta["options"]["fill"] = *fill;
   }
+  if (const GridMeta& own = input.volume.grid.meta; own.is_band()) {
+    meta["band_voxels"] = own.band_voxels();
+  }
   for (const char* names : {"materials", "labels"}) {
     if (known.contains(names)) meta[names] = known[names];
   }

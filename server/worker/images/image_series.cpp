@@ -136,8 +136,7 @@ Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& contain
 
 Result<RenderImage> take_image(TaskRun& run, const DrawnInput& input, const std::string& key,
                                const RequestOptions& options) {
-  expect_bytes(run, image_bytes(run.engine, input.tiles(), options.render),
-               image_device_bytes(run.engine, input.tiles(), options.render));
+  expect_bytes(run, image_bytes(run.engine, input.tiles(), options.render));
   VOXELD_ASSIGN(const ImageGrid drawn, image_grid(run, input.tiles(), key, input.whole, options));
   return render_image(run, *drawn.grid, drawn.key, drawn.options);
 }

@@ -12,7 +12,6 @@
 #include <thread>
 
 #include "server/base/sha256.h"
-#include "server/worker/grids/host_estimate.h"
 #include "tests/unit/worker/fake_gateway.h"
 #include "tests/unit/worker/task_completion.h"
 
@@ -134,24 +133,6 @@ TEST_F(RunTaskTest, an_image_names_its_renderer) {
   } else {
     EXPECT_EQ(by_gl.error().code, ErrorCode::kUnsupportedFeature);
   }
-}
-
-TEST_F(RunTaskTest, an_image_by_gl_asks_for_memory_of_the_device) {
-  Grid grid;
-  grid.spec.dims = {8, 8, 8};
-  grid.tiles.emplace_back().brick_morton = {0};
-  grid.tiles[0].masks.emplace_back().words[0] = 1;
-  const GridTiles source(grid);
-  RenderOptions options;
-  options.renderer = RendererChoice::kCpu;
-  EXPECT_EQ(image_device_bytes(engine(), source, options), 0);
-  options.renderer = RendererChoice::kGl;
-  const auto by = engine().choose_renderer(options.renderer);
-  if (!has_gl()) return;
-  engine().cache = {};
-  ASSERT_TRUE(by->renderer->set_grid(grid).ok());
-  EXPECT_GE(image_device_bytes(engine(), source, options),
-            static_cast<int64_t>(by->renderer->device_bytes()));
 }
 
 TEST_F(RunTaskTest, a_native_result_is_the_grid_itself) {

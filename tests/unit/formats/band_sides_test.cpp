@@ -100,8 +100,9 @@ TEST(BandSides, of_a_level_are_right_or_unknown) {
           OutputOptions options;
           options.level = level;
           options.level_rule = rule;
-          const double rim = level > 0 && rule == LevelRule::kMajority ? 0.5 : 0;
-          const bool is_known = std::ldexp(thickness, -level) - rim >= 1;
+          // The whole edge of 90 cells is a multiple of 2 alone.
+          const double share = rule == LevelRule::kAny ? 4.0 / 3 : level == 1 ? 2.0 / 3 : 0;
+          const bool is_known = level == 0 || std::ldexp(1.0, level) <= share * thickness;
           const Sides sides = sides_of(selected(whole, options), center);
           SCOPED_TRACE("thickness " + std::to_string(thickness) + ", level " +
                        std::to_string(level));
@@ -120,9 +121,14 @@ TEST(BandSides, of_a_level_of_a_level_are_those_of_the_coarser_one) {
   OutputOptions one;
   one.level = 1;
   const Grid half = selected(whole, one);
-  EXPECT_EQ(sides_of(half, kBallCenters[1]).unknown, 0);
-  const Sides quarter = sides_of(selected(half, one), kBallCenters[1]);
-  EXPECT_EQ(quarter.right + quarter.wrong, 0);
+  const Grid quarter = selected(half, one);
+  for (const Grid* grid : {&half, &quarter}) {
+    const Sides sides = sides_of(*grid, kBallCenters[1]);
+    EXPECT_EQ(sides.wrong + sides.unknown, 0);
+    EXPECT_GT(sides.inside, 0);
+  }
+  const Sides eighth = sides_of(selected(quarter, one), kBallCenters[1]);
+  EXPECT_EQ(eighth.right + eighth.wrong, 0);
 }
 
 TEST(BandSides, of_a_region_are_right_and_unknown_where_it_has_no_voxel) {

@@ -96,8 +96,27 @@ TEST(WorkerWatch, over_the_total_the_worker_furthest_beyond_its_request_is_ended
   ASSERT_FALSE(together.empty());
   EXPECT_FALSE(together[0].loss.counts);
   EXPECT_GT(together[0].loss.displaced_bytes, 100'000);
+  EXPECT_LT(together[0].loss.displaced_bytes, kSome);
   EXPECT_TRUE(displaced({.all_memory_bytes_max = kMuch}, workers).empty());
   EXPECT_TRUE(displaced({}, workers).empty());
+}
+
+TEST(WorkerWatch, a_job_that_was_displaced_before_has_an_attempt_less_where_it_was_granted_memory) {
+  const int64_t pid = ::getpid();
+  constexpr int64_t kMuch = int64_t{1} << 40;
+  for (const int64_t asked_bytes : {0, 1}) {
+    const std::vector<WatchedWorker> workers{{.pid = pid, .task = "other", .asked_bytes = kMuch},
+                                             {.pid = pid,
+                                              .task = "again",
+                                              .asked_bytes = asked_bytes,
+                                              .needed_bytes = kMuch,
+                                              .was_displaced = true}};
+    const auto told = displaced({.all_memory_bytes_max = 3 * private_bytes(pid) / 2}, workers);
+    ASSERT_FALSE(told.empty());
+    EXPECT_EQ(told[0].task, "again");
+    EXPECT_EQ(told[0].loss.counts, asked_bytes > 0);
+    EXPECT_EQ(told[0].loss.displaced_bytes, kMuch);
+  }
 }
 
 TEST(WorkerWatch, a_job_that_exceeds_the_total_alone_is_told_so) {

@@ -73,14 +73,17 @@ std::string scope_names(const Option& option) {
   return names;
 }
 
-// The requests that take the option and not the first one of its group.
-std::string other_scope_names(const Option& option, const Option& first) {
-  std::string names;
+// The requests that take the option, where they are not those of the first one of its group.
+std::string scope_note(const Option& option, const Option& first) {
+  std::string more;
+  bool is_less = false;
   for (const auto& [scope, name] : kScopes) {
+    is_less = is_less || (first.applies_to(scope) && !option.applies_to(scope));
     if (!option.applies_to(scope) || first.applies_to(scope)) continue;
-    names += (names.empty() ? "" : ", ") + std::string(name);
+    more += (more.empty() ? "" : ", ") + std::string(name);
   }
-  return names;
+  if (is_less) return " Taken by " + scope_names(option) + ".";
+  return more.empty() ? "" : " Taken by " + more + ", too.";
 }
 
 std::string cell_of_values(const Option& option) {
@@ -107,8 +110,8 @@ Lines tables() {
     for (const Option& option : option_table()) {
       if (option.group != group) continue;
       std::string text = description(option);
-      if (const std::string others = other_scope_names(option, first); !others.empty()) {
-        text = sentence(text) + " Taken by " + others + ", too.";
+      if (const std::string note = scope_note(option, first); !note.empty()) {
+        text = sentence(text) + note;
       }
       lines.push_back("| `" + std::string(option.name) + "` | " + cell_of_values(option) + " | " +
                       cell_of_default(option) + " | " + replaced(text, "|", "\\|") + " |");
