@@ -76,7 +76,10 @@ test("a phone's width needs no sideways scrolling, and all works by keyboard", a
 
 test("a table keeps the focus while its rows change, and shows more of them", async ({ page }) => {
   let ids = ["j-1", "j-2", "j-3"],
-    done = 1;
+    done = 1,
+    hasMore = true,
+    release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
   const limits = [],
     cancelled = [];
   await page.route("**/v1/queue?*", async route => {
@@ -85,7 +88,8 @@ test("a table keeps the focus while its rows change, and shows more of them", as
     const response = await route.fetch();
     const common = { filename: "same.ply", state: "running", tiles_done: done, tiles_total: 9 };
     const jobs = ids.map(id => ({ id, ...common, frames_total: 0, tenant: "", device: "cpu" }));
-    const next = limit < 1000 ? { next: "others" } : {};
+    const next = hasMore ? { next: "others" } : {};
+    if (limit === 1000) await held;
     await route.fulfill({ response, json: { ...(await response.json()), jobs, ...next } });
   });
   await page.route("**/v1/jobs/j-*", async route => {
@@ -111,15 +115,54 @@ test("a table keeps the focus while its rows change, and shows more of them", as
   ids = ["j-0", "j-2", "j-3"];
   await expect(rows).toHaveCount(3);
   await expect(button).toBeFocused();
+  // A row that moves loses the focus for a moment; the page stays where it is scrolled to.
+  await page.setViewportSize({ width: 880, height: 200 });
+  await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
+  const place = await page.evaluate(() => scrollY);
+  expect(place).toBeGreaterThan(200);
+  ids = ["j-2", "j-0", "j-3"];
+  await expect(rows.first().locator("[data-mark]")).toBeFocused();
+  expect(await page.evaluate(() => scrollY)).toBe(place);
   await page.keyboard.press("Enter");
   await expect(rows).toHaveCount(2);
   expect(cancelled).toEqual(["j-2"]);
   await expect(card.locator("h2")).toBeFocused();
   expect(new Set(limits)).toEqual(new Set([50]));
-  await card.getByRole("button", { name: "Show more" }).click();
+  const more = card.getByRole("button", { name: "Show more" });
+  await more.focus();
+  hasMore = false;
+  await expect(more).toBeHidden();
+  await expect(card.locator("h2")).toBeFocused();
+  hasMore = true;
+  await more.click();
   await expect.poll(() => limits).toContain(1000);
-  await expect(card.getByRole("button", { name: "Show more" })).toBeHidden();
+  await expect(more).toBeVisible();
+  ids = Array.from({ length: 60 }, (_, i) => `j-${i}`);
+  release();
+  await expect(rows).toHaveCount(60);
+  await expect(more).toBeHidden();
   await expect(card.locator(".scroll")).toBeFocused();
+});
+
+test("a mesh of several tenants has a row for each of them", async ({ page }) => {
+  const row = (id, filename) => ({ id: `sha256-${id}`, filename, bytes: 1, created_ms: 0 });
+  let assets = [row("a", "twin.ply"), row("a", "twin.ply"), row("a", "other.ply"), row("b", "b.ply")];
+  await page.route("**/v1/assets?*", route => route.fulfill({ json: { assets } }));
+  await page.route("**/v1/assets/*", async route => {
+    assets = [row("a", "other.ply"), row("a", "twin.ply"), row("a", "twin.ply"), row("a", "twin.ply")];
+    await route.fulfill({ json: {} });
+  });
+  await page.goto(`${daemon.url}/admin`);
+  const rows = page.locator('h3:text-is("Meshes") + .stack tbody tr');
+  const names = of => of.map(one => one.filename);
+  const buttons = () =>
+    rows.getByRole("button").evaluateAll(all => all.map(one => one.ariaLabel.replace("Delete: ", "")));
+  await expect(rows.locator("td:first-child")).toHaveText(names(assets));
+  expect(await buttons()).toEqual(names(assets));
+  await page.click('button[aria-label="Delete: b.ply"]');
+  await expect(rows.locator("td:first-child")).toHaveText(names(assets));
+  expect(names(assets)[0]).toBe("other.ply");
+  expect(await buttons()).toEqual(names(assets));
 });
 
 test.describe("with keys", () => {

@@ -193,10 +193,28 @@ test("a mesh that is given again while it is deleted is uploaded again", async (
   await page.evaluate(async () => {
     for (let i = 0; i < 3; ++i) await (await (await fetch("/v1/me")).blob()).arrayBuffer();
   });
+  await expect(page.locator("#over")).toContainText("concave.obj");
+  expect(steps).toEqual([]);
   release();
+  await told(page, "concave and its results are deleted");
   await shown(page, 256);
+  expect(new Set(steps.slice(0, -1))).toEqual(new Set(["deleted"]));
   expect(steps.at(-1)).toBe("asked");
-  expect(steps.filter(step => step === "asked")).toHaveLength(1);
+  await expect(page.locator("#banner")).toBeHidden();
+});
+
+test("a deletion that fails is told, and keeps no mesh away", async ({ page }) => {
+  const problem = { status: 500, json: { code: "internal", detail: "the disk is gone" } };
+  await page.route("**/v1/assets/*", route =>
+    route.request().method() === "DELETE" ? route.fulfill(problem) : route.continue(),
+  );
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await shown(page, 256);
+  await page.click("#delete");
+  await expect(page.locator("#banner")).toContainText("the disk is gone");
+  await drop(page, join(fixtures, "concave.obj"));
+  await shown(page, 256);
   await expect(page.locator("#banner")).toBeHidden();
 });
 

@@ -69,8 +69,14 @@ for (const [name, size, ...formats] of [
         expect(made.equals(taken.bytes), `${wanted} by ${language}`).toBe(true);
       }
     }
+    await page.click('#commands button:text-is("C++")');
+    await expect(page.locator("#commands pre")).toHaveText(
+      /out = std::fopen\(.*if \(!out\) return 1;.*client\.start\(/s,
+    );
   });
 }
+
+const isJob = request => request.method() === "POST" && request.url().endsWith("/v1/jobs");
 
 test("a picture, a turntable and a link that others can open", async ({ page, request }) => {
   await page.goto(daemon.url);
@@ -88,10 +94,13 @@ test("a picture, a turntable and a link that others can open", async ({ page, re
   ]);
   await page.check('#card-look input[value="box"]', { force: true });
   await page.getByLabel("Box along y to").fill("20");
-  const asked = page.waitForRequest(
-    request => request.method() === "POST" && request.url().endsWith("/v1/jobs"),
-  );
-  const gif = await download(page, () => page.click('button:text-is("Turntable GIF")'));
+  const gifButton = 'button:text-is("Turntable GIF")';
+  await page.getByLabel("Box along y from").fill("20");
+  await page.click(gifButton);
+  await expect(page.locator("#banner")).toContainText("The box is empty.");
+  await page.getByLabel("Box along y from").fill("0");
+  const asked = page.waitForRequest(isJob);
+  const gif = await download(page, () => page.click(gifButton));
   expect((await asked).postDataJSON().options.region).toMatch(/^0,0,0,\d+,20,\d+$/);
   expect([gif.name, gif.bytes.subarray(0, 6).toString()]).toEqual(["rocket.gif", "GIF89a"]);
   await page.selectOption("#format", "vox");
@@ -120,6 +129,23 @@ test("options of a format stay for the next result and format that have them", a
   await expect(command).toContainText("layout=atlas");
   await expect(option("Channel")).toHaveValue("color");
   await expect(option("Layout")).toHaveValue("atlas");
+  // Another format while a result is being made.
+  let release = () => undefined;
+  const held = new Promise(resolve => (release = resolve));
+  await page.route("**/v1/grids/**", async route => {
+    await held;
+    await route.continue();
+  });
+  await resize(page, 48);
+  await expect(card.locator("button.primary")).toBeDisabled();
+  await page.selectOption("#format", "raw");
+  await expect(option("Channel")).toHaveValue("color");
+  await page.selectOption("#format", "slices");
+  release();
+  await expect(command).toContainText("size=48");
+  await expect(command).toContainText("channel=color");
+  await expect(option("Channel")).toHaveValue("color");
+  await option("Layout").selectOption("atlas");
   await page.selectOption('#card-voxels select:has(option[value="average"])', "none");
   await expect(command).toContainText("color=none");
   await expect(command).toContainText("layout=atlas");
@@ -151,6 +177,23 @@ test("a grid that cannot be shown can be taken home", async ({ page }) => {
   await expect(page.locator("#banner")).toBeVisible();
   const file = await download(page, () => page.click("#card-take button.primary"));
   expect(file.bytes.subarray(0, 2).toString()).toBe("PK"); // an npz
+});
+
+test("the box of another grid than that to take is in no GIF", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "sample.ply"));
+  await resize(page, 32);
+  await shown(page, 32);
+  await page.check('#card-look input[value="box"]', { force: true });
+  await page.getByLabel("Box along y to").fill("10");
+  await page.route(/\/v1\/grids\/[^/?]+(\?|$)/, route => route.fulfill({ body: "no grid" }));
+  await resize(page, 24);
+  await expect(page.locator("#banner")).toBeVisible();
+  await expect(page.locator("#commands pre")).toContainText("size=24"); // the result to take
+  await page.click("#pictures summary");
+  const asked = page.waitForRequest(isJob);
+  await download(page, () => page.click('button:text-is("Turntable GIF")'));
+  expect((await asked).postDataJSON().options.region).toBeUndefined();
 });
 
 test("a link that comes after another result is not shown", async ({ page }) => {

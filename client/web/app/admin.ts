@@ -35,7 +35,7 @@ class Table {
     this.#empty = h("p", { className: "quiet" }, empty);
     const onclick = () => {
       this.limit = ROWS_MAX;
-      this.#table.focus({ preventScroll: true }); // the button goes
+      this.#table.focus({ preventScroll: true }); // the button may go
       refresh();
     };
     this.#more = h("button", { onclick }, T.showMore);
@@ -47,13 +47,17 @@ class Table {
       body = this.#body,
       focused = document.activeElement as HTMLElement,
       hadFocus = element.contains(focused),
-      ids = rows.map(([id]) => id);
+      cellsOf = new Map<string, (Node | string)[]>();
+    for (let [id, ...cells] of rows) {
+      while (cellsOf.has(id)) id += "#"; // the same mesh of several tenants
+      cellsOf.set(id, cells);
+    }
     for (const [id, row] of this.#rows) {
-      if (ids.includes(id)) continue;
+      if (cellsOf.has(id)) continue;
       row.remove();
       this.#rows.delete(id);
     }
-    rows.forEach(([id, ...cells], i) => {
+    [...cellsOf].forEach(([id, cells], i) => {
       const row = this.#rows.get(id) ?? h("tr");
       this.#rows.set(id, row);
       cells.forEach((cell, k) => {
@@ -64,9 +68,12 @@ class Table {
     });
     const shown = rows.length > 0 ? this.#table : this.#empty;
     if (element.firstChild !== shown) fill(element, shown, this.#more);
-    this.#more.hidden = !next || this.limit === ROWS_MAX;
-    if (hadFocus && focused !== document.activeElement)
-      (focused.isConnected ? focused : element.closest("section")?.querySelector("h2"))?.focus();
+    this.#more.hidden = !next || rows.length > ROWS; // these are all of one response
+    if (hadFocus)
+      (focused.isConnected && !focused.hidden
+        ? focused
+        : element.closest("section")!.querySelector("h2")!
+      ).focus({ preventScroll: true });
   }
 }
 
@@ -74,8 +81,8 @@ function when(milliseconds: number): string {
   return new Date(milliseconds).toLocaleString();
 }
 
-function nameOf(job: JobStatus): string {
-  return job.filename || job.id.slice(0, 10);
+function nameOf({ filename, id }: Asset | JobStatus): string {
+  return filename || id.slice(0, 15);
 }
 
 function limitName(limit: string): string {
@@ -229,12 +236,7 @@ export class Admin {
           key.expires_ms ? when(key.expires_ms) : "",
           key.state,
           key.state === "live"
-            ? this.#button(
-                T.revoke,
-                name,
-                () => this.api.request(`/v1/keys/${key.id}`, { method: "DELETE" }),
-                () => this.#showKeys(),
-              )
+            ? this.#button(T.revoke, name, `/v1/keys/${key.id}`)
             : "",
         ];
       }),
@@ -271,12 +273,7 @@ export class Admin {
         job.device ?? "",
         job.state,
         progressOf(job),
-        this.#button(
-          T.cancel,
-          job.filename || job.id,
-          () => this.api.request(`/v1/jobs/${job.id}`, { method: "DELETE" }),
-          () => this.#showQueue(),
-        ),
+        this.#button(T.cancel, nameOf(job), `/v1/jobs/${job.id}`, () => this.#showQueue()),
       ]),
       queue.next,
     );
@@ -316,16 +313,11 @@ export class Admin {
       this.api.json<{ assets: Asset[]; next?: string }>(`/v1/assets?limit=${this.#assets.limit}`),
     ]);
     const stored = (path: string, name: string, of: Asset | StoredResult): Row => [
-      path,
+      path + name,
       name,
       bytesText(of.bytes),
       when(of.created_ms),
-      this.#button(
-        T.remove,
-        name,
-        () => this.#remove(path, name),
-        () => this.#showStorage(),
-      ),
+      this.#button(T.remove, name, path),
     ];
     this.#results.show(
       results.results.map(result =>
@@ -335,36 +327,32 @@ export class Admin {
     );
     this.#assets.show(
       assets.assets.map(asset =>
-        stored(`/v1/assets/${asset.id}`, asset.filename || asset.id.slice(0, 15), asset),
+        stored(`/v1/assets/${asset.id}`, nameOf(asset), asset),
       ),
       assets.next,
     );
   }
 
+  // Deletes what is at the path, or is gone from there.
   #button(
-    text: string,
-    of: string,
-    action: () => Promise<unknown>,
-    refresh: () => Promise<void>,
+    text: T,
+    name: string,
+    path: string,
+    refresh = () => this.#showStorage(),
   ): HTMLElement {
     const act = async () => {
-      await action();
+      try {
+        await this.api.request(path, { method: "DELETE" });
+      } catch (error) {
+        if (!(error instanceof Problem && [404, 410].includes(error.status))) throw error;
+      }
+      if (text === T.remove) this.onNote(t(T.removed, { name }));
       await refresh();
     };
     return h(
       "button",
-      { "aria-label": `${text}: ${of}`, onclick: () => void act().catch(this.onProblem) },
+      { "aria-label": `${text}: ${name}`, onclick: () => void act().catch(this.onProblem) },
       text,
     );
-  }
-
-  async #remove(path: string, name: string): Promise<void> {
-    try {
-      await this.api.request(path, { method: "DELETE" });
-    } catch (error) {
-      if (!(error instanceof Problem) || (error.status !== 410 && error.status !== 404))
-        throw error;
-    }
-    this.onNote(t(T.removed, { name }));
   }
 }

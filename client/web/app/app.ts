@@ -223,6 +223,7 @@ export class App {
       await this.#runner.stop();
       if (loading.signal.aborted) return; // another mesh has come
       this.#begin(bundle);
+      this.#showOver(t(T.hashing, { name: bundle.mesh.name }));
       await this.#removing; // maybe of the same mesh
       loading.signal.throwIfAborted();
       addEventListener("beforeunload", ask); // an upload would be lost
@@ -504,7 +505,8 @@ export class App {
   #remove(): void {
     const isUploaded = this.#asset !== null;
     this.#close();
-    if (isUploaded) this.#removing = this.#removeAll(this.#title.textContent ?? "");
+    if (isUploaded)
+      this.#removing = this.#removeAll(this.#title.textContent ?? "").catch(this.onProblem);
   }
 
   async #removeAll(name: string): Promise<void> {
@@ -533,8 +535,8 @@ export class App {
     const tried = (done: Promise<unknown>) => done.catch(error => (failure ??= error));
     for (const id of jobs) await tried(remove(id));
     for (const id of assets) await tried(keeps(`/v1/assets/${id}`));
-    if (!failure) this.onNote(t(T.removed, { name }));
-    else if (!isAbort(failure)) this.onProblem(failure);
+    if (failure) throw failure;
+    this.onNote(t(T.removed, { name }));
   }
 
   /** Back to the start. */

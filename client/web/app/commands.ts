@@ -120,8 +120,8 @@ export function cppCode(recipe: Recipe): string {
     `  voxeld::client::Settings settings;\n  settings.url = ${literal(recipe.origin)};\n${key}` +
     `  voxeld::client::Client client(settings);\n${mesh}` +
     `  voxeld::client::Options options;\n${sets}` +
+    `  std::FILE* out = std::fopen(${literal(recipe.target)}, "wb");\n  if (!out) return 1;\n` +
     '  auto job = client.start("voxelize", Input::of_asset(mesh), options);\n' +
-    `  std::FILE* out = std::fopen(${literal(recipe.target)}, "wb");\n` +
     "  job.download([&](std::span<const std::byte> bytes) { std::fwrite(bytes.data(), 1, bytes.size(), out); });\n" +
     "  return std::fclose(out);\n}\n"
   );

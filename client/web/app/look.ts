@@ -185,12 +185,14 @@ export class Look {
           number,
           number,
         ];
-        const [end, total] = this.#cellsOf(k, high);
-        this.#endsTexts[k]!.textContent = `${this.#cellsOf(k, low)[0]}–${end} / ${total}`;
-        return [placeOf(k, low), placeOf(k, high)] as const;
+        const [begin] = this.#cellsOf(k, low),
+          [end, total] = this.#cellsOf(k, high);
+        this.#endsTexts[k]!.textContent = `${begin}–${end} / ${total}`;
+        return [placeOf(k, low), placeOf(k, high), begin, end] as const;
       });
-      const corner = (end: 0 | 1) => corners.map(ends => ends[end]) as unknown as Vec3;
+      const corner = (i: 0 | 1 | 2 | 3) => corners.map(ends => ends[i]) as unknown as Vec3;
       this.stage.section = { plane: null, box: [corner(0), corner(1)] };
+      this.stage.region = [corner(2), corner(3)];
       return;
     }
     const k = AXES.indexOf(this.#axis);

@@ -21,6 +21,7 @@ export class Stage {
   viewer: Viewer | null; // null without WebGL 2, or once its context is lost for good
   readonly picture: Picture;
   level = 0; // of the grid that is shown
+  declare region: readonly [Vec3, Vec3]; // the section's box in the grid's cells
   declare onLost: () => void;
   declare onProblem: (error: unknown) => void;
 

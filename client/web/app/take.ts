@@ -3,12 +3,11 @@ import { isAbort, type Api } from "./api";
 import { cliCommand, cppCode, curlCommand, pythonCode, type Recipe } from "./commands";
 import { field, fill, followLink, h, saveBlob, select } from "./dom";
 import { formatOf, formats, optionText, type OutputFormat } from "./formats";
-import type { DryRun, GridMeta, JobStatus } from "./model";
+import type { DryRun, JobStatus } from "./model";
 import { viewOptions } from "./picture";
 import type { Options, Runner, Wish } from "./runner";
 import type { Stage } from "./stage";
 import { bytesText, t, T } from "./texts";
-import type { Vec3 } from "../view/viewer";
 
 /** The result that is taken home. */
 export interface Source {
@@ -31,13 +30,6 @@ const IMAGE_SIDE_MAX = 4096;
 /** An input for a side of an image. */
 function side(label: string, value: number): HTMLInputElement {
   return h("input", { type: "number", min: 1, max: IMAGE_SIDE_MAX, value, "aria-label": label });
-}
-
-/** The cells of a grid before a corner of a box, which may be beyond its end at a coarser level. */
-function cellsOf(corner: Vec3, { dims, origin, voxel_size }: GridMeta = {}): readonly number[] {
-  return corner.map((v, c) =>
-    Math.min(dims![c]!, Math.round((v - origin![c]!) / voxel_size![c]!)),
-  );
 }
 
 export class Take {
@@ -200,11 +192,11 @@ export class Take {
     );
   }
 
-  // Options stay as they are where the format and the grid have them.
+  // Options stay as they are where the format has them, and the grid once it is there.
   #choose(name: string): void {
     this.#format = formatOf(name);
     const before = this.#values,
-      channels = this.#source?.job.result?.meta?.channels ?? [];
+      channels = this.#source?.job.result?.meta?.channels ?? [before["channel"]];
     this.#values = {};
     fill(
       this.#optionFields,
@@ -214,11 +206,15 @@ export class Take {
         const values = option.values.filter(
           (value, i) => i === 0 || name !== "channel" || channels.includes(value),
         );
-        if (kept && (range ? typeof kept === "number" : values.includes(String(kept))))
-          this.#values[name] = kept;
+        if (range ? Number(kept) > 0 : values.includes(String(kept)))
+          this.#values[name] = kept!;
         const byDefault = range ? range[2] : (values[0] as string),
           value = this.#values[name] ?? byDefault;
-        const set = (value: string | number) => this.#setValue(name, value, byDefault);
+        const set = (value: string | number) => {
+          if (value === byDefault) delete this.#values[name];
+          else this.#values[name] = value;
+          this.#refresh();
+        };
         const input = range
           ? h("input", {
               type: "number",
@@ -241,28 +237,22 @@ export class Take {
     this.#refresh();
   }
 
-  #setValue(name: string, value: string | number, byDefault: string | number): void {
-    if (value === byDefault) delete this.#values[name];
-    else this.#values[name] = value;
-    this.#refresh();
-  }
-
   get #output(): Options {
     return { format: this.#format.name, ...this.#values };
   }
   get #name(): string {
-    const isSequence = Boolean(this.#source?.job.result?.sequence);
+    const isSequence = "sequence" in this.#input;
     const extension =
       !isSequence || ["npy", "npz", "vox", "zarr"].includes(this.#format.name)
         ? this.#format.extension
         : this.#format.name === "native"
           ? ".voxs"
           : ".zip";
-    return (this.#source?.stem ?? "voxels") + extension;
+    return this.#source!.stem + extension;
   }
   get #input(): Record<string, string> {
-    const result = this.#source?.job.result;
-    return result?.sequence ? { sequence: result.sequence } : { grid: result?.grid ?? "" };
+    const { grid, sequence } = this.#source!.job.result!;
+    return sequence ? { sequence } : { grid };
   }
 
   // The size is the daemon's estimate for an export.
@@ -302,34 +292,37 @@ export class Take {
     }
   }
 
-  // The result of an export, or the job's own where it is that.
-  async #made(name: string, signal: AbortSignal): Promise<JobStatus> {
+  // The result of an export, or the job's own where it is that; or of another kind of job.
+  #made(
+    name: string,
+    signal: AbortSignal,
+    kind = "export",
+    options = this.#output,
+  ): Promise<JobStatus> {
     this.onNote(t(T.preparing, { name }));
-    return await this.runner.other(
-      {
-        kind: "export",
-        ...this.#input,
-        filename: this.#source?.stem ?? "voxels",
-        options: this.#output,
-        priority: 10,
-      },
+    return this.runner.other(
+      { kind, ...this.#input, filename: this.#source!.stem, options, priority: 10 },
       signal,
     );
   }
 
-  async #linkOf(
+  #linkOf(
     job: JobStatus,
     seconds: number,
     name: string,
     signal: AbortSignal,
   ): Promise<{ url: string; expires_ms: number }> {
     const query = new URLSearchParams({ seconds: String(seconds), filename: name });
-    return await this.api.json(`/v1/jobs/${job.id}/share?${query}`, { method: "POST", signal });
+    return this.api.json(`/v1/jobs/${job.id}/share?${query}`, { method: "POST", signal });
   }
 
-  async #takeFile(signal: AbortSignal): Promise<void> {
-    const name = this.#name,
-      job = await this.#made(name, signal);
+  async #takeFile(
+    signal: AbortSignal,
+    name = this.#name,
+    kind?: string,
+    options?: Options,
+  ): Promise<void> {
+    const job = await this.#made(name, signal, kind, options);
     // By a link, so that the browser writes to the disk and not into memory.
     followLink((await this.#linkOf(job, HOUR_SECONDS, name, signal)).url);
     this.onNote(t(T.downloaded, { name, bytes: bytesText(job.result?.bytes ?? 0) }));
@@ -377,32 +370,26 @@ export class Take {
     this.onNote(t(T.downloaded, { name, bytes: bytesText(blob.size) }));
   }
 
-  async #takeGif(signal: AbortSignal): Promise<void> {
-    const name = `${this.#source?.stem}.gif`;
-    this.onNote(t(T.preparing, { name }));
+  // What the box leaves, if the viewer shows the source; else all.
+  get #region(): Options {
+    const { section, path, region, viewer } = this.stage,
+      source = this.#input["grid"] ?? this.#source!.job.id;
+    if (!viewer || !section.box || !path.includes(source)) return {};
+    const [low, high] = region;
+    if (low.some((cells, c) => cells >= high[c]!)) throw new Error(T.boxEmpty);
+    return { region: region.join() };
+  }
+
+  #takeGif(signal: AbortSignal): Promise<void> {
     const { camera, style, section } = this.stage;
-    const { sequence, meta } = this.#source?.job.result ?? {};
     const { turntable, rate, ...size } = TURNTABLE;
-    const region = section.box?.map(corner => cellsOf(corner, meta)).join();
-    const options = {
+    return this.#takeFile(signal, `${this.#source?.stem}.gif`, "render", {
       image: "gif",
       ...size,
-      ...(sequence ? {} : { turntable, rate }),
+      ...("sequence" in this.#input ? {} : { turntable, rate }),
       ...viewOptions(camera, style, section),
-      ...(region ? { region } : {}),
-    };
-    const job = await this.runner.other(
-      {
-        kind: "render",
-        ...this.#input,
-        filename: this.#source?.stem ?? "voxels",
-        options,
-        priority: 10,
-      },
-      signal,
-    );
-    followLink((await this.#linkOf(job, HOUR_SECONDS, name, signal)).url);
-    this.onNote(t(T.downloaded, { name, bytes: bytesText(job.result?.bytes ?? 0) }));
+      ...this.#region,
+    });
   }
 
   #showCode(): void {
@@ -414,7 +401,7 @@ export class Take {
     const recipe: Recipe = {
       origin: location.origin,
       hasKey: this.api.key !== null,
-      file: source.files[0] ?? "mesh",
+      file: source.files[0]!,
       others: source.files.slice(1),
       options: source.wish.options,
       output: this.#output,

@@ -100,6 +100,7 @@ export const enum T {
   sectionAt = "Cut at {n} of {total}",
   flip = "Other side",
   box = "Box",
+  boxEmpty = "The box is empty.",
   boxFrom = "Box along {axis} from",
   boxTo = "Box along {axis} to",
   resetView = "Reset view",
