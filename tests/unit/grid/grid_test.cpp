@@ -82,7 +82,7 @@ TEST(GridMeta, members_of_another_type_count_as_absent) {
   EXPECT_EQ(GridMeta::parse("[1]").text(), "{}");
 }
 
-TEST(GridMeta, a_band_of_a_voxel_or_more_tells_sides) {
+TEST(GridMeta, a_band_that_is_thick_enough_tells_sides) {
   const auto band = [](const std::string& more) {
     return GridMeta::parse(R"({"options":{"fill":"band")" + more + "}}");
   };
@@ -90,7 +90,9 @@ TEST(GridMeta, a_band_of_a_voxel_or_more_tells_sides) {
   EXPECT_EQ(band(R"(,"thickness":"3")").band_voxels(), 1);
   EXPECT_EQ(band(R"(,"thickness":3)").band_voxels(), 3);
   EXPECT_TRUE(band(R"(,"thickness":2.5)").tells_sides());
-  EXPECT_FALSE(band(R"(,"thickness":3)").with_band_voxels(0.75).tells_sides());
+  EXPECT_TRUE(band("").with_band_voxels(0.75).tells_sides());
+  EXPECT_FALSE(band("").with_band_voxels(0.7).tells_sides());
+  EXPECT_FALSE(band(R"(,"distance":"world")").with_band_voxels(0.75).tells_sides());
   const GridMeta shell = GridMeta::parse(R"({"options":{"fill":"shell","thickness":3}})");
   EXPECT_EQ(shell.band_voxels(), 0);
   EXPECT_FALSE(shell.tells_sides());

@@ -311,7 +311,7 @@ TEST(Nvdb, tiles_of_the_root_beside_a_part_of_a_band_have_its_side) {
 
 TEST(Nvdb, a_band_that_does_not_tell_sides_is_no_level_set) {
   Grid grid = nano_band_of_sphere({40, 40, 40}, {20, 20, 20}, 15);
-  grid.meta = grid.meta.with_band_voxels(0.75);
+  grid.meta = grid.meta.with_band_voxels(0.7);
   const NanoGrids grids = nano_grids(grid);
   EXPECT_EQ(nano_names(grids), (std::vector<std::string>{"density", "surface"}));
   EXPECT_EQ(grids.at("surface").grid_class(), kUnknownClass);
