@@ -190,12 +190,19 @@ class Fills(DaemonTest):
 
         self.assertEqual(sides("level=1"), (1, 0, 1.5))
         self.assertEqual(sides("region=0,0,0,20,34,68"), (1, 0, None))
-        for query, voxels in (("level=2", 0.75), ("level=3", 0.375), ("level=1&level_rule=majority&hollow=1", 0),
+        self.assertEqual(sides("level=2"), (1, 0, 0.75))
+        self.assertEqual(sides("level=1&level_rule=majority"), (1, 0, 0.75))
+        for query, voxels in (("level=3", 0.375), ("level=3&level_rule=majority", 0),
+                              ("level=1&level_rule=majority&hollow=1", 0),
                               ("hollow=1", 0), ("erode=1", 0), ("region=30,30,30,38,38,38", None)):
             self.assertEqual(sides(query)[1:], (1, voxels), query)
         half = self.daemon.get(f"/v1/grids/{grid}?level=1").headers["X-Voxeld-Grid"]
         self.assertEqual(sides("level=0", half)[1], 0)
-        self.assertEqual(sides("level=1", half)[1:], (1, 0.75))
+        self.assertEqual(sides("level=1", half), (1, 0, 0.75))
+        for query, unknown in (("level=1", 0), ("hollow=1", 1)):
+            container = self.daemon.get(f"/v1/grids/{grid}?format=native&{query}").body
+            again = self.daemon.post("/v1/voxelize?filename=band.voxg", container).headers["X-Voxeld-Grid"]
+            self.assertEqual(sides("level=0", again)[1], unknown, query)
 
     def test_surfaces_and_solids_have_distances_where_they_are_asked_for(self):
         query = "size=20&padding=2&format=npz&filename=box.off&channels=distance"

@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import tempfile
 import unittest
@@ -295,10 +296,15 @@ class FullDisk(FullDiskTest):
         queued = [daemon.submit(kind="voxelize", asset=asset, options={
             "size": 8, "animation": "0", "times": [(k + i) / 3e6 for k in range(4096)]}) for i in range(20)]
         doomed = daemon.submit(kind="voxelize", asset=asset, options={"size": 9, "animation": "0"})
+        # The worker's output would take what the daemon sets free for its rows.
+        worker = daemon.worker_pid()
+        os.kill(worker, signal.SIGSTOP)
         self.take_the_rest()
         for job in (*queued, running):
             response = daemon.request("DELETE", f"/v1/jobs/{job}")
             self.assertIn(response.status, (200, 202), response.body)
+        os.kill(worker, signal.SIGCONT)
+        for job in (*queued, running):
             self.assertEqual(daemon.wait(job)["state"], "cancelled")
         # The mesh has no animation: its job fails, and that is stored, too.
         status = daemon.wait(doomed)
