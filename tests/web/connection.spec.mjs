@@ -1,7 +1,7 @@
 // A daemon that goes away, breaks off, has another clock or another origin.
 import http from "node:http";
 import { join } from "node:path";
-import { daemon, drop, expect, fixtures, resize, shown, test, told } from "./page.mjs";
+import { daemon, drop, expect, fixtures, LONG, resize, shown, test, told } from "./page.mjs";
 
 test("after a restart of the daemon the page goes on", async ({ page }) => {
   await page.goto(daemon.url);
@@ -40,7 +40,7 @@ test("after 40 s without the daemon the page goes on", async ({ page }) => {
   await expect(page.locator("#banner")).toBeHidden();
 });
 
-test("a problem that comes while the daemon is away stays when it is back", async ({ page }) => {
+test("a problem that comes while the daemon is away stays when it is back", LONG, async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);
@@ -57,7 +57,7 @@ test("a problem that comes while the daemon is away stays when it is back", asyn
   await expect(banner).toBeVisible();
 });
 
-test("a problem stays while the daemon is away and when it is back", async ({ page }) => {
+test("a problem stays while the daemon is away and when it is back", LONG, async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);

@@ -11,6 +11,8 @@ import {
   expect,
   fixtures,
   hasPicture,
+  LONG,
+  LONG_DRAWN,
   resize,
   settled,
   shown,
@@ -76,7 +78,7 @@ test("a dropped mesh is described, shown, and saved with the bytes of the CLI", 
   expect(taken.bytes.equals(readFileSync(own))).toBe(true);
 });
 
-test("the samples become voxels, one after the other", DRAWN, async ({ page }) => {
+test("the samples become voxels, one after the other", LONG_DRAWN, async ({ page }) => {
   await page.goto(daemon.url);
   for (const [name, fact] of [
     ["Rocket", "watertight"],
@@ -125,7 +127,7 @@ test("a texture that is refused leaves the mesh as it was", async ({ page }) => 
   await shown(page, 256);
 });
 
-test("of two meshes dropped at once the later one is loaded", async ({ page }) => {
+test("of two meshes dropped at once the later one is loaded", LONG, async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
   await resize(page, 32);
@@ -157,7 +159,7 @@ test("of two meshes dropped at once the later one is loaded", async ({ page }) =
   expect(sent.filter(body => body.includes("first.obj"))).toEqual([]);
 });
 
-test("a folder that is read for long does not supersede a mesh dropped later", async ({ page }) => {
+test("a folder that is read for long does not supersede a mesh dropped later", LONG, async ({ page }) => {
   await page.goto(daemon.url);
   await dropSlowFolder(page, "slow.obj", Buffer.from("v 0 0 0"));
   await drop(page, join(fixtures, "sample.ply"));
@@ -170,7 +172,7 @@ test("a folder that is read for long does not supersede a mesh dropped later", a
   await expect(page.locator("#card-model h2")).toHaveText("sample");
 });
 
-test("a texture that is read for long is added to one that was dropped later", async ({ page }) => {
+test("a texture that is read for long is added to one that was dropped later", LONG, async ({ page }) => {
   const { textures, others } = houseFiles(),
     [slow, quick] = textures;
   const missing = page.locator("#card-model .warn");

@@ -7,6 +7,7 @@ import {
   expect,
   fixtures,
   hasPicture,
+  LONG,
   resize,
   settled,
   shown,
@@ -52,7 +53,7 @@ test("the voxel under the pointer goes with its grid", async ({ page }) => {
   await expect(page.locator("#pick")).toBeHidden();
 });
 
-test("a close camera sees the voxels of a large grid", async ({ page }) => {
+test("a close camera sees the voxels of a large grid", LONG, async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
   const asked = []; // sizes
@@ -143,7 +144,7 @@ test("a grid without voxels has none, and is no animation", async ({ page }) => 
   await expect(page.locator("#facts")).toHaveText(/^0 voxels, /);
 });
 
-test("a grid that comes after its mesh was left tells nothing", async ({ page }) => {
+test("a grid that comes after its mesh was left tells nothing", LONG, async ({ page }) => {
   let release = () => undefined;
   const held = new Promise(resolve => (release = resolve));
   await page.route("**/v1/grids/*", async route => {
@@ -164,7 +165,7 @@ test("a grid that comes after its mesh was left tells nothing", async ({ page })
   await expect(page.locator("#facts")).toBeHidden();
 });
 
-test("a grid that comes after the next one tells nothing", async ({ page }) => {
+test("a grid that comes after the next one tells nothing", LONG, async ({ page }) => {
   let isFirst = true,
     release = () => undefined;
   const held = new Promise(resolve => (release = resolve));
@@ -225,7 +226,7 @@ test("a frame that does not come is a problem, and the animation plays on", asyn
   await expect(frame).not.toHaveText(/^7 \//);
 });
 
-test("a frame that does not come is no problem once its mesh was left", async ({ page }) => {
+test("a frame that does not come is no problem once its mesh was left", LONG, async ({ page }) => {
   let release = () => undefined;
   const held = new Promise(resolve => (release = resolve));
   const path = "**/frames/6*";
@@ -249,7 +250,7 @@ test("a frame that does not come is no problem once its mesh was left", async ({
   await expect(page.locator("#banner")).toBeHidden();
 });
 
-test("an animation that plays ends with its mesh, and the next one begins anew", async ({ page }) => {
+test("an animation that plays ends with its mesh, and the next one begins anew", LONG, async ({ page }) => {
   const frame = page.locator("#timeline output");
   await page.goto(daemon.url);
   await page.click('.sample:has-text("Worm")');
@@ -265,7 +266,7 @@ test("an animation that plays ends with its mesh, and the next one begins anew",
   await expect(page.locator("#banner")).toBeHidden();
 });
 
-test("of two plays with a pause between them the later one goes on", async ({ page }) => {
+test("of two plays with a pause between them the later one goes on", LONG, async ({ page }) => {
   await page.goto(daemon.url);
   await page.click('.sample:has-text("Worm")');
   await resize(page, 16);

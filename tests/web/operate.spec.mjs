@@ -3,7 +3,7 @@ import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 import { Daemon } from "./daemon.mjs";
-import { daemon, expect, fixtures, resize, shown, test, told } from "./page.mjs";
+import { daemon, expect, fixtures, LONG, resize, shown, test, told } from "./page.mjs";
 
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
@@ -44,7 +44,7 @@ test("no serious findings of axe-core: start, voxels, activity, light and dark",
   await check();
 });
 
-test("a phone's width needs no sideways scrolling, and all works by keyboard", async ({ page }) => {
+test("a phone's width needs no sideways scrolling, and all works by keyboard", LONG, async ({ page }) => {
   await page.setViewportSize({ width: 360, height: 740 });
   await page.goto(daemon.url);
   await page.focus('.sample:has-text("Rocket")');
@@ -74,7 +74,7 @@ test("a phone's width needs no sideways scrolling, and all works by keyboard", a
   await expect(devices).toBeFocused();
 });
 
-test("a table keeps the focus while its rows change, and shows more of them", async ({ page }) => {
+test("a table keeps the focus while its rows change, and shows more of them", LONG, async ({ page }) => {
   let ids = ["j-1", "j-2", "j-3"],
     done = 1,
     hasMore = true,

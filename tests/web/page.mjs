@@ -11,6 +11,9 @@ export const daemon = new Daemon();
 // pixel at rest. So pages compile it and draw in tests with this tag alone, and a quarter of the
 // pixels.
 export const DRAWN = { tag: "@drawn" };
+// Rare races and repetitions, which the gate leaves to its long form.
+export const LONG = { tag: "@long" };
+export const LONG_DRAWN = { tag: [DRAWN.tag, LONG.tag] };
 
 // No test may violate the policy or end a script with an error.
 async function watchFaults(page) {

@@ -1,6 +1,6 @@
 // Runs that are superseded, cancelled or left, and what is deleted.
 import { join } from "node:path";
-import { daemon, drop, expect, fixtures, resize, shown, test, told } from "./page.mjs";
+import { daemon, drop, expect, fixtures, LONG, resize, shown, test, told } from "./page.mjs";
 
 /** Starts a run that takes longer than its test, and waits until its preview is over. */
 async function startLongRun(page) {
@@ -98,7 +98,7 @@ test("a preview that is superseded is cancelled, known to the page or not", asyn
   await shown(page, 64);
 });
 
-test("a change of the settings supersedes a run whose price is asked for", async ({ page }) => {
+test("a change of the settings supersedes a run whose price is asked for", LONG, async ({ page }) => {
   // The price of the new settings, which would supersede it later, is never asked for.
   await page.addInitScript(() => {
     const original = window.setTimeout;
@@ -116,7 +116,7 @@ test("a change of the settings supersedes a run whose price is asked for", async
   await given;
 });
 
-test("cancel ends a run whose price is asked for", async ({ page }) => {
+test("cancel ends a run whose price is asked for", LONG, async ({ page }) => {
   await startLongRun(page);
   await page.route(/dry_run/, () => undefined); // no response
   const asked = page.waitForRequest(/dry_run/);
@@ -128,7 +128,7 @@ test("cancel ends a run whose price is asked for", async ({ page }) => {
   await expect(page.locator("#job")).toHaveText("Cancelled.");
 });
 
-test("a run that is left before it has submitted a job submits none", async ({ page }) => {
+test("a run that is left before it has submitted a job submits none", LONG, async ({ page }) => {
   let release = () => undefined;
   const held = new Promise(resolve => (release = resolve));
   const isCancel = request => request.method() === "DELETE";

@@ -3,7 +3,7 @@ import { execFileSync } from "node:child_process";
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { temporaryFolder } from "./daemon.mjs";
-import { daemon, download, drop, expect, fixtures, resize, shown, test } from "./page.mjs";
+import { daemon, download, drop, expect, fixtures, LONG, resize, shown, test } from "./page.mjs";
 
 /** The files of a sample, written to a folder of their own. */
 async function sampleFiles(page, name) {
@@ -36,7 +36,8 @@ for (const [name, size, ...formats] of [
   ["Planet", 40, "ply"], // a bundle
   ["Worm", 16, "vox", "xyz"], // an animation: one file, and a zip of a file for each frame
 ]) {
-  test(`commands that the page shows for the ${name} make the same bytes`, async ({ page }) => {
+  const tags = name === "Planet" ? LONG : {};
+  test(`commands that the page shows for the ${name} make the same bytes`, tags, async ({ page }) => {
     await page.goto(daemon.url);
     await page.click(`.sample:has-text("${name}")`);
     await resize(page, size);
@@ -179,7 +180,7 @@ test("a grid that cannot be shown can be taken home", async ({ page }) => {
   expect(file.bytes.subarray(0, 2).toString()).toBe("PK"); // an npz
 });
 
-test("the box of another grid than that to take is in no GIF", async ({ page }) => {
+test("the box of another grid than that to take is in no GIF", LONG, async ({ page }) => {
   await page.goto(daemon.url);
   await drop(page, join(fixtures, "sample.ply"));
   await resize(page, 32);
@@ -196,7 +197,7 @@ test("the box of another grid than that to take is in no GIF", async ({ page }) 
   expect((await asked).postDataJSON().options.region).toBeUndefined();
 });
 
-test("a link that comes after another result is not shown", async ({ page }) => {
+test("a link that comes after another result is not shown", LONG, async ({ page }) => {
   let release = () => undefined;
   const held = new Promise(resolve => (release = resolve));
   await page.route(/\/share\?/, async route => {

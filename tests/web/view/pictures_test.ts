@@ -70,10 +70,14 @@ function assertSame({ mean, meanAlpha, drawn }: Difference): void {
   assert.ok(drawn > 0.1, `only ${drawn} of the pixels show something`);
 }
 
-const STYLES: readonly Style[] = ["voxel", "smooth", "clay", "iso", "blueprint"];
+// The gate leaves out styles that other tests draw, too.
+const isWhole = process.env["VOXELD_LONG"] === "1";
+const STYLES: readonly Style[] = isWhole
+  ? ["voxel", "smooth", "clay", "iso", "blueprint"]
+  : ["voxel", "clay", "blueprint"];
 for (const style of STYLES) {
   for (const mesh of [
-    ROCKET,
+    ...(isWhole || style !== "blueprint" ? [ROCKET] : []),
     ...(style === "voxel" || style === "blueprint" ? [SMALL_ROCKET] : []),
   ]) {
     test(`style ${style} at size ${mesh.options["size"]} is the daemon's`, async () => {
@@ -182,15 +186,17 @@ test("the canvas at rest shows what image() gives", async () => {
   assert.ok(found.mean < 0.1 && found.drawn > 0.1, JSON.stringify(found));
 });
 
-test("an image is of the grid that was shown when it was asked for", async () => {
-  await compare(ROCKET, {}, {});
-  const rocket = `picture_${numbers}`;
-  await compare(SMALL_ROCKET, {}, {});
-  const found = await session.browser.call("compareWhileShowing", `${rocket}.voxg`, 1000, 800);
-  assert.ok(found.mean === 0 && found.drawn > 0.1, JSON.stringify(found));
-  const png = `${rocket}.png`;
-  assertSame(await session.browser.call("compare", {}, png, WIDTH, HEIGHT, false, "after"));
-});
+if (isWhole) {
+  test("an image is of the grid that was shown when it was asked for", async () => {
+    await compare(ROCKET, {}, {});
+    const rocket = `picture_${numbers}`;
+    await compare(SMALL_ROCKET, {}, {});
+    const found = await session.browser.call("compareWhileShowing", `${rocket}.voxg`, 1000, 800);
+    assert.ok(found.mean === 0 && found.drawn > 0.1, JSON.stringify(found));
+    const png = `${rocket}.png`;
+    assertSame(await session.browser.call("compare", {}, png, WIDTH, HEIGHT, false, "after"));
+  });
+}
 
 test("a lost context is rebuilt", async () => {
   await session.browser.call("hideCanvas", false);
