@@ -485,8 +485,9 @@ void await_input(int descriptor, const std::stop_token& stop) {
 }
 
 // Reads stdin, or a pipe that `owner` closes.
-client::Source stream_source(int descriptor, std::shared_ptr<void> owner, const std::string& name,
-                             const std::string& filename, const std::stop_token& stop) {
+client::Source stream_source(int descriptor, std::shared_ptr<const void> owner,
+                             const std::string& name, const std::string& filename,
+                             const std::stop_token& stop) {
   // The daemon ends an upload that is silent: the connection waits until what writes has begun.
   await_input(descriptor, stop);
   return client::Source::stream(
@@ -501,15 +502,35 @@ client::Source stream_source(int descriptor, std::shared_ptr<void> owner, const 
       filename);
 }
 
-client::Source pipe_source(const fs::path& pipe, const std::stop_token& stop) {
+// The descriptor of a pipe, which the last copy closes.
+std::shared_ptr<const int> open_pipe(const fs::path& pipe) {
   // Not blocking: an open that waits for who writes would not notice a stop either.
   const int descriptor = ::open(pipe.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0) throw client::Error("file", 0, pipe.string() + ": " + std::strerror(errno));
-  std::shared_ptr<void> owner(nullptr, [descriptor](void*) { ::close(descriptor); });
-  return stream_source(descriptor, std::move(owner), pipe.string(), pipe.filename().string(), stop);
+  return {new int(descriptor), [](const int* opened) {
+            ::close(*opened);
+            delete opened;
+          }};
+}
+
+client::Source pipe_source(const fs::path& pipe, const std::stop_token& stop) {
+  const std::shared_ptr<const int> opened = open_pipe(pipe);
+  return stream_source(*opened, opened, pipe.string(), pipe.filename().string(), stop);
 }
 
 }  // namespace
+
+std::shared_ptr<const void> await_stream(const std::string& input, const std::stop_token& stop) {
+  std::error_code error;
+  if (input == "-") {
+    await_input(STDIN_FILENO, stop);
+    return nullptr;
+  }
+  if (!fs::is_fifo(input, error)) return nullptr;
+  std::shared_ptr<const int> pipe = open_pipe(input);
+  await_input(*pipe, stop);
+  return pipe;
+}
 
 std::vector<std::string> referenced_files(const fs::path& mesh) {
   const std::string extension = lower_case(mesh.extension().string());

@@ -12,6 +12,10 @@
 
 namespace voxeld::cli {
 
+// Waits until what writes `input`, if that is stdin or a pipe, has begun or ended. The result keeps
+// a pipe open, which MeshSource::open() opens, too. Throws client::Error "file" and "interrupted".
+std::shared_ptr<const void> await_stream(const std::string& input, const std::stop_token& stop);
+
 // The data to send for one input of the command line.
 class MeshSource {
  public:

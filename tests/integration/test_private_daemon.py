@@ -198,6 +198,24 @@ class PrivateDaemon(unittest.TestCase):
         self.assertIn("a private voxeld has a URL of its own", both.stderr)
         self.assertEqual(self.daemons(), [])
 
+    def test_it_is_started_when_the_mesh_of_a_pipe_comes(self):
+        pipe = self.dir / "pipe.ply"
+        os.mkfifo(pipe)
+        process = subprocess.Popen(self.command(pipe, "-o", self.dir / "a.vox", "--size", 16, "--local"),
+                                   env=self.environment, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        self.addCleanup(process.communicate)
+        self.addCleanup(process.kill)
+
+        def opened():
+            with contextlib.suppress(OSError):  # ENXIO: nobody reads it yet
+                return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        with open(wait_until(opened, "voxel opens the pipe"), "wb") as writer:
+            self.assertEqual(self.daemons(), [])
+            os.set_blocking(writer.fileno(), True)
+            writer.write(self.mesh.read_bytes())
+        self.assertEqual(process.wait(HANG_SECONDS), 0, process.stderr)
+        self.assertTrue((self.dir / "a.vox").read_bytes().startswith(b"VOX "))
+
     def test_local_files_start_nothing(self):
         self.assertEqual(self.voxel("formats").returncode, 0)
         self.voxelize("--local", "--format", "vox")
