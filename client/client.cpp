@@ -64,6 +64,12 @@ Source Source::stream(std::function<size_t(std::span<std::byte>)> read, std::str
   return source;
 }
 
+Source Source::bundle(std::vector<Source> files) {
+  Source source;
+  source.files_ = std::move(files);
+  return source;
+}
+
 Client::Client(Settings settings) : impl_(std::make_shared<ClientImpl>(std::move(settings))) {}
 Client::Client(std::string url)
     : Client([&] {
@@ -105,20 +111,7 @@ std::string Client::upload(const Source& source, const ProgressCallback& progres
 }
 
 std::string Client::bundle(std::span<const BundleFile> files) {
-  nlohmann::json list = nlohmann::json::array();
-  for (const BundleFile& file : files) list.push_back({{"name", file.name}, {"asset", file.asset}});
-  HttpRequest request;
-  request.method = "POST";
-  request.url = impl_->url("/v1/assets");
-  request.headers = {"Content-Type: application/vnd.voxeld.bundle+json"};
-  const std::string body = nlohmann::json{{"files", list}}.dump(
-      -1, ' ', false, nlohmann::json::error_handler_t::replace);
-  const nlohmann::json response = parse_object(impl_->call(std::move(request), body).body);
-  if (!response.contains("id") || !response["id"].is_string()) {
-    throw Error("bad-response", 0,
-                "the response to the bundle names no asset: is there a voxeld at this URL?");
-  }
-  return response["id"].get<std::string>();
+  return impl_->bundle(files, {});
 }
 
 std::string Client::asset_json(std::string_view asset) {

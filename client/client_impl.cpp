@@ -222,7 +222,7 @@ HttpResponse ClientImpl::call(HttpRequest request, const std::string& body,
 
 std::string ClientImpl::known_asset(const Source& source, const ProgressCallback& progress,
                                     const std::stop_token& stop) {
-  if (source.read_) return "";
+  if (source.read_ || !source.files_.empty()) return "";
   const SourceReader reader =
       source.path_.empty() ? memory_reader(source.bytes_) : file_reader(source.path_);
   if (reader.bytes.value_or(0) < kAskedBytesMin) return "";
@@ -253,8 +253,30 @@ std::string ClientImpl::upload(const Source& source, const ProgressCallback& pro
   return known.empty() ? send(source, progress, stop) : known;
 }
 
+std::string ClientImpl::bundle(std::span<const BundleFile> files, const std::stop_token& stop) {
+  Json list = Json::array();
+  for (const BundleFile& file : files) list.push_back({{"name", file.name}, {"asset", file.asset}});
+  HttpRequest request;
+  request.method = "POST";
+  request.url = url("/v1/assets");
+  request.headers = {"Content-Type: application/vnd.voxeld.bundle+json"};
+  const std::string body =
+      Json{{"files", list}}.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string id = text_of(parse_object(call(std::move(request), body, stop).body), "id");
+  if (!id.empty()) return id;
+  throw Error("bad-response", 0,
+              "the response to the bundle names no asset: is there a voxeld at this URL?");
+}
+
 std::string ClientImpl::send(const Source& source, const ProgressCallback& progress,
                              const std::stop_token& stop) {
+  if (!source.files_.empty()) {
+    std::vector<BundleFile> files;
+    for (const Source& file : source.files_) {
+      files.push_back({file.filename_, upload(file, progress, stop)});
+    }
+    return bundle(files, stop);
+  }
   const bool repeatable = !source.read_;
   bool stopped = false;
   for (int attempt = 0;; ++attempt) {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -32,6 +33,7 @@ class ClientImpl {
 
   std::string upload(const Source& source, const ProgressCallback& progress,
                      const std::stop_token& stop);
+  std::string bundle(std::span<const BundleFile> files, const std::stop_token& stop);
   JobInfo submit(std::string_view kind, const Input& input, const Options& options,
                  const std::stop_token& stop = {});
   // POST /v1/jobs with this query. A stop ends pauses between tries, but no request: its job could
@@ -72,7 +74,7 @@ class ClientImpl {
   // "". Throws if it is stopped or the file cannot be read.
   std::string known_asset(const Source& source, const ProgressCallback& progress,
                           const std::stop_token& stop);
-  // Uploads without asking.
+  // Uploads without asking; of a bundle what the daemon lacks.
   std::string send(const Source& source, const ProgressCallback& progress,
                    const std::stop_token& stop);
   [[noreturn]] void fail(const HttpResponse& response) const;

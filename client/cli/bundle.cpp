@@ -5,12 +5,10 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <zip.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -22,6 +20,7 @@
 
 #include "client/cli/output_name.h"
 #include "proto/file_names/file_names.h"
+#include "proto/file_names/text_encodings.h"
 #include "proto/text/text_file.h"
 
 namespace voxeld::cli {
@@ -403,54 +402,19 @@ std::vector<std::string> files_of_md5(const fs::path& mesh) {
   return names.take();
 }
 
-[[noreturn]] void fail_zip(const fs::path& path, const std::string& why) {
-  throw client::Error("file", 0, path.string() + ": cannot be put into an archive: " + why);
-}
-
-// The path of a new file in the temporary folder.
-fs::path temporary_path() {
-  std::string path = (fs::temp_directory_path() / "voxel-XXXXXX").string();
-  const int descriptor = mkstemp(path.data());
-  if (descriptor < 0) fail_zip(path, "the temporary folder cannot be written");
-  close(descriptor);
-  return path;
-}
-
-// A file and its name in the archive.
+// A file and its name in the bundle.
 struct Entry {
   fs::path path;
   std::string name;
 };
 
-void write_zip(const fs::path& archive, const std::vector<Entry>& entries) {
-  // libzip opens them at its end, and its error names none.
-  for (const Entry& entry : entries) {
-    if (::access(entry.path.c_str(), R_OK) == 0) continue;
-    throw client::Error("file", 0, entry.path.string() + ": " + std::strerror(errno));
-  }
-  int code = 0;
-  zip_t* zip = zip_open(archive.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
-  if (zip == nullptr) fail_zip(archive, "error " + std::to_string(code));
-  for (const Entry& entry : entries) {
-    zip_source_t* file = zip_source_file(zip, entry.path.c_str(), 0, -1);
-    const zip_int64_t index =
-        file == nullptr ? -1
-                        : zip_file_add(zip, entry.name.c_str(), file,
-                                       is_utf8(entry.name) ? ZIP_FL_ENC_UTF_8 : ZIP_FL_ENC_GUESS);
-    if (index < 0) {
-      const std::string why = zip_strerror(zip);
-      if (file != nullptr) zip_source_free(file);
-      zip_discard(zip);
-      fail_zip(entry.path, why);
-    }
-    // Stored, not deflated: the path to the daemon is short, so storing is faster.
-    zip_set_file_compression(zip, static_cast<zip_uint64_t>(index), ZIP_CM_STORE, 0);
-  }
-  if (zip_close(zip) != 0) {
-    const std::string why = zip_strerror(zip);
-    zip_discard(zip);
-    fail_zip(archive, why);
-  }
+// The name as the daemon takes it. It reads references in each legacy encoding, also in one that
+// has a letter for every byte: a name that is not UTF-8 matches them when read in that one.
+std::string bundle_name(std::string name) {
+  constexpr size_t kCp437 = 6;
+  static_assert(kTextEncodings[kCp437] == "CP437");
+  std::ranges::replace(name, '\\', '/');
+  return is_utf8(name) ? name : utf8_from(kCp437, name).value();
 }
 
 // The mesh first, then the files it names, then the files beside it under their own names.
@@ -559,15 +523,17 @@ MeshSource MeshSource::open(const std::string& input, std::span<const std::strin
   }
   const std::vector<Entry> entries = entries_of(mesh, beside);
   if (entries.size() == 1) return MeshSource(client::Source::file(mesh));
-  const fs::path archive = temporary_path();
-  std::shared_ptr<void> remove(nullptr, [archive](void*) {
-    std::error_code ignored;
-    fs::remove(archive, ignored);
-  });
-  write_zip(archive, entries);
-  MeshSource result(client::Source::file(archive, mesh.stem().string() + ".zip"));
-  result.temporary_ = std::move(remove);
-  for (const Entry& entry : entries) result.files_.push_back(entry.path);
+  std::vector<client::Source> sources;
+  std::vector<fs::path> files;
+  for (const Entry& entry : entries) {
+    if (::access(entry.path.c_str(), R_OK) != 0) {
+      throw client::Error("file", 0, entry.path.string() + ": " + std::strerror(errno));
+    }
+    sources.push_back(client::Source::file(entry.path, bundle_name(entry.name)));
+    files.push_back(entry.path);
+  }
+  MeshSource result(client::Source::bundle(std::move(sources)));
+  result.files_ = std::move(files);
   return result;
 }
 

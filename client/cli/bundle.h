@@ -1,4 +1,4 @@
-// Packs a mesh file and the files that it names into one zip.
+// Finds the files that a mesh file names, which are sent with it.
 #pragma once
 
 #include <filesystem>
@@ -20,9 +20,9 @@ std::shared_ptr<const void> await_stream(const std::string& input, const std::st
 class MeshSource {
  public:
   // Opens `input`, a path or "-" for stdin. An .obj, .ply, .gltf, .glb or .md5mesh that names
-  // other files (materials, textures, buffers, animations) becomes a zip with them, in a temporary
-  // file. Names that lead out of the mesh's folder and files that are missing or cannot be read are
-  // omitted; the daemon's response names them.
+  // other files (materials, textures, buffers, animations) becomes a bundle with them. Names that
+  // lead out of the mesh's folder and files that are missing or cannot be read are omitted; the
+  // daemon's response names them.
   //
   // `beside`: paths of files that are sent with it under their own names, such as animations.
   // `stop` ends the wait for bytes of stdin. Throws client::Error "file".
@@ -30,15 +30,14 @@ class MeshSource {
                          const std::stop_token& stop = {});
 
   const client::Source& source() const { return source_; }
-  // Throws client::Error "invalid-option" if `output` is one of the files in the zip.
+  // Throws client::Error "invalid-option" if `output` is one of the bundle's files.
   void check_output(const std::string& output) const;
 
  private:
   explicit MeshSource(client::Source source) : source_(std::move(source)) {}
 
   client::Source source_;
-  std::vector<std::filesystem::path> files_;  // in the zip; empty without one
-  std::shared_ptr<void> temporary_;           // removes the zip
+  std::vector<std::filesystem::path> files_;  // of the bundle; empty without one
 };
 
 // Relative paths that the file names, in order and once each; only those inside its folder.

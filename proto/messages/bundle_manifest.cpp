@@ -31,14 +31,6 @@ bool is_plain_path(std::string_view name) {
   }
 }
 
-// References find files without regard to case, so names must differ in more than case.
-std::string lower_case(std::string text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return text;
-}
-
 // Errors show a name or an id in quotes.
 Error unfit_name(std::string expected, std::string_view name, std::string_view after = "") {
   return unfit(std::move(expected), echoed(name) + std::string(after));
@@ -59,10 +51,9 @@ Status are_files(const std::vector<BundleFile>& files) {
   VOXELD_TRY(count_from_1(size_t{limits::kBundleEntriesMax}, "files")(files));
   std::set<std::string> names;
   for (size_t i = 0; i < files.size(); ++i) {
-    if (names.insert(lower_case(files[i].name)).second) continue;
-    return within_member(
-        list_index(i) + ".name",
-        unfit_name("distinct names, also without regard to case", files[i].name, " again"));
+    if (names.insert(files[i].name).second) continue;
+    return within_member(list_index(i) + ".name",
+                         unfit_name("distinct names", files[i].name, " again"));
   }
   return {};
 }

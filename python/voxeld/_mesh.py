@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._errors import error
-from ._references import referenced_files
+from ._references import NO_UTF8, referenced_files
 
 HASH_PIECE_BYTES = 1 << 20
 VERTICES_MAX = 1 << 31  # PLY's indices are int32
@@ -100,8 +100,15 @@ def _path_files(paths: Sequence[Path], filename: str) -> list[File]:
         raise error("file", f"{[str(path) for path in beside]}: files that are sent together need different names")
     for name in referenced_files(mesh) if mesh.is_file() else ():
         if name != mesh.name and name not in given:
-            files.append(path_file(mesh.parent / name, name))
+            files.append(path_file(mesh.parent / name, _bundle_name(name)))
     return files + [path_file(path, _utf8(name)) for name, path in given.items()]
+
+
+def _bundle_name(name: str) -> str:
+    """The name as the daemon takes it. It reads references in each legacy encoding, also in one that has a letter for
+    every byte: a name that is not UTF-8 matches them when read in that one."""
+    name = name.replace("\\", "/")
+    return os.fsencode(name).decode("cp437") if NO_UTF8.search(name) else name
 
 
 def _utf8(name: str) -> str:

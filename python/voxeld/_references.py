@@ -99,8 +99,6 @@ class _Names:
         return self.read[encoding]
 
     def _add(self, path: str) -> bool:
-        if re.search("[\ud800-\udfff]", path):
-            return False  # the names of a bundle are UTF-8
         if not path or path == ".." or path.startswith(("/", "../")) or not self.is_file_inside(path):
             return False
         if path not in self.list:

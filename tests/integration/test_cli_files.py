@@ -119,12 +119,11 @@ class CliFiles(DaemonTest):
         self.assertEqual(mesh.read_bytes(), before)
 
     def test_what_fails_around_the_files_of_a_batch_is_told(self):
-        mesh, = self.meshes("a.ply")
-        self.put(**{"b.obj": b"mtllib b.mtl\n" + self.SQUARE, "b.mtl": b"newmtl m\n"})
-        self.environment["TMPDIR"] = str(self.dir / "none")
-        done = self.voxel(mesh, self.dir / "b.obj", "--out-dir", self.dir / "out", "--size", 8)
+        mesh, other = self.meshes("a.ply", "b.ply")
+        (self.dir / "out" / "b.voxg").mkdir(parents=True)
+        done = self.voxel(mesh, other, "--out-dir", self.dir / "out", "--size", 8)
         self.assertEqual(done.returncode, 7, done.stderr)
-        self.assertIn(f"voxel: {self.dir}/b.obj: ", done.stderr)
+        self.assertIn(f"voxel: {other}: ", done.stderr)
         self.environment["VOXELD_KEY"] = "vxk_a\r"
         self.assert_usage("the API key holds characters that no key has", mesh, "--out-dir", self.dir / "out")
 
@@ -263,19 +262,15 @@ class CliFiles(DaemonTest):
         self.assertIn('C:\\Users\\me\\Textures\\BRICK.TGA, named by material "m": textures/brick.tga is taken for it '
                       "(the end of the path)", said)
 
-    def test_a_reader_that_ends_leaves_no_archive(self):
-        self.put(**{"a.obj": b"mtllib a.mtl\n" + self.SQUARE, "a.mtl": b"newmtl m\n"})
-        temporary = self.dir / "temporary"
-        temporary.mkdir()
+    def test_a_reader_of_stdout_that_ends_is_told(self):
+        mesh, = self.meshes("a.ply")
         reading, writing = os.pipe()
         os.close(reading)
         self.addCleanup(os.close, writing)
-        done = subprocess.run([BIN / "voxel", self.dir / "a.obj", "-o", "-", "--size", "8"], stdout=writing, text=True,
-                              stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, timeout=120,
-                              env={**self.environment, "TMPDIR": str(temporary)})
+        done = subprocess.run([BIN / "voxel", mesh, "-o", "-", "--size", "8"], stdout=writing, text=True,
+                              stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, timeout=120, env=self.environment)
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertIn("voxel: stdout cannot be written: Broken pipe", done.stderr)
-        self.assertEqual(list(temporary.iterdir()), [])
 
     def test_names_in_a_legacy_encoding_are_found_on_disk_and_in_zips(self):
         name = "\u8d34\u56fe.tga"
@@ -296,6 +291,15 @@ class CliFiles(DaemonTest):
             colors, said = self.colors(self.dir / "b.zip")
             self.assertEqual(colors, {(0, 0, 255)})
             self.assertIn(reading, said)
+
+    def test_names_on_disk_that_are_not_utf8_or_have_backslashes_or_differ_in_case_are_found(self):
+        self.put(**{"a.obj": b"mtllib K\xf6rper.mtl\n" + self.SQUARE,
+                    os.fsdecode(b"K\xf6rper.mtl"):
+                    b"newmtl n\nmap_Kd Skin.tga\nnewmtl o\nmap_Kd skin.tga\nnewmtl m\nmap_Kd tex\\skin.tga\n",
+                    "tex\\skin.tga": self.texture(0, 255, 0), "Skin.tga": self.texture(255, 0, 0),
+                    "skin.tga": self.texture(0, 0, 255)})
+        colors, said = self.colors(self.dir / "a.obj")
+        self.assertEqual(colors, {(0, 255, 0)}, said)
 
     def test_names_of_macos_whose_letters_are_decomposed_are_found_on_disk_and_in_zips(self):
         files = {"a.obj": "mtllib \u00fc.mtl\n".encode() + self.SQUARE,

@@ -418,6 +418,14 @@ class Meshes(PythonTest):
         warnings = self.client.voxelize(self.dir / "wall.obj", size=8).warnings
         self.assertEqual(len([each for each in warnings if "is taken for it" in each]), 4, warnings)
 
+    def test_names_on_disk_that_are_not_utf8_or_have_backslashes_are_found(self):
+        image = self.client.render(CUBE, size=2, width=4, height=4, background="#ff0000")
+        (self.dir / os.fsdecode(b"K\xf6rper.mtl")).write_bytes(b"newmtl m\nmap_Kd tex\\skin.png\n")
+        (self.dir / "tex\\skin.png").write_bytes(image)
+        (self.dir / "a.obj").write_bytes(b"mtllib K\xf6rper.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\n"
+                                         b"f 1/1 2/1 3/1\n")
+        self.assertEqual(self.client.info(self.dir / "a.obj")["missing_files"], [])
+
     def test_a_missing_file_is_searched_in_each_encoding_only_where_a_name_is_no_utf8(self):
         path = self.dir / "a.obj"
         for text, searches_max in ((b"mtllib none.mtl\n", 4), (b"mtllib n\xf6ne.mtl\n", 24)):

@@ -93,7 +93,7 @@ class Batch {
       outcome.bytes = static_cast<std::int64_t>(output.bytes());
     } catch (const Error& error) {
       outcome.error = error;
-    } catch (const std::exception& error) {  // no memory, no temporary folder
+    } catch (const std::exception& error) {  // no memory
       outcome.error = Error("file", 0, error.what());
     }
     return outcome;

@@ -94,6 +94,9 @@ class VOXELD_CLIENT_API Source {
   // range.
   static Source mesh(const MeshVertices& vertices, const MeshIndices& triangles,
                      const MeshColors& colors = {}, std::span<const float> normals = {});
+  // A mesh and files that it names: each `filename` is a relative path, in UTF-8 and with slashes.
+  // They are uploaded one by one, and those that the daemon has are not sent again.
+  static Source bundle(std::vector<Source> files);
 
   const std::string& filename() const { return filename_; }
 
@@ -102,6 +105,7 @@ class VOXELD_CLIENT_API Source {
   std::filesystem::path path_;
   std::vector<std::byte> bytes_;
   std::function<size_t(std::span<std::byte>)> read_;
+  std::vector<Source> files_;  // of a bundle
   std::string filename_;
 };
 

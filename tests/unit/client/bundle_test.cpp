@@ -4,9 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
-#include <zip.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
@@ -344,68 +342,72 @@ TEST_F(Bundle, a_folder_is_no_mesh) {
   EXPECT_THAT(error.what(), HasSubstr("is a folder, expected a mesh file"));
 }
 
-// The names in the archive that the daemon got.
-std::vector<std::string> names_in(const std::string& archive) {
-  zip_error_t error;
-  zip_t* zip =
-      zip_open_from_source(zip_source_buffer_create(archive.data(), archive.size(), 0, &error),
-                           ZIP_RDONLY | ZIP_CHECKCONS, &error);
-  if (zip == nullptr) return {"no archive"};
-  std::vector<std::string> names;
-  for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
-    names.emplace_back(zip_get_name(zip, static_cast<zip_uint64_t>(i), 0));
+// Uploads the mesh to a daemon that gives the ids sha256-0, sha256-1, … to what it gets, at most 4.
+std::vector<test::Asked> uploaded(const MeshSource& mesh) {
+  std::vector<test::CannedResponse> script;
+  for (const char* id : {"0", "1", "2", "3"}) {
+    script.push_back(test::json_response(R"({"id":"sha256-)" + std::string(id) + R"("})"));
   }
-  zip_close(zip);
-  return names;
+  test::ScriptedServer server(script);
+  const std::string asset = client::Client(server.url()).upload(mesh.source());
+  EXPECT_EQ(asset, "sha256-" + std::to_string(server.asked().size() - 1));
+  return server.asked();
 }
 
-TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) {
-  const fs::path temporary = outer_ / "temporary";
-  fs::create_directory(temporary);
-  const char* before = std::getenv("TMPDIR");
-  const std::string old_value = before == nullptr ? "" : before;
-  setenv("TMPDIR", temporary.c_str(), 1);
+TEST_F(Bundle, a_mesh_with_files_is_sent_as_a_bundle_of_them) {
   put("my a.mtl", "map_Kd tex/bäume.png\n");
   put("tex/bäume.png", "PNG");
-  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
-  {
-    const MeshSource mesh = MeshSource::open(put("the a.obj", "mtllib my a.mtl\n"));
-    EXPECT_FALSE(fs::is_empty(temporary));
-    client::Client(server.url()).upload(mesh.source());
-  }
-  before == nullptr ? unsetenv("TMPDIR") : setenv("TMPDIR", old_value.c_str(), 1);
-  EXPECT_TRUE(fs::is_empty(temporary));
-  ASSERT_EQ(server.asked().size(), 1u);
-  EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=the%20a.zip");
-  EXPECT_THAT(names_in(server.asked()[0].body),
-              ElementsAre("the a.obj", "my a.mtl", "tex/bäume.png"));
+  const auto asked = uploaded(MeshSource::open(put("the a.obj", "mtllib my a.mtl\n")));
+  ASSERT_EQ(asked.size(), 4u);
+  EXPECT_EQ(asked[0].target, "/v1/assets?filename=the%20a.obj");
+  EXPECT_EQ(asked[1].target, "/v1/assets?filename=my%20a.mtl");
+  EXPECT_EQ(asked[2].target, "/v1/assets?filename=tex%2Fb%C3%A4ume.png");
+  EXPECT_EQ(asked[2].body, "PNG");
+  EXPECT_EQ(asked[3].header("content-type"), "application/vnd.voxeld.bundle+json");
+  EXPECT_EQ(asked[3].body, R"({"files":[{"asset":"sha256-0","name":"the a.obj"},)"
+                           R"({"asset":"sha256-1","name":"my a.mtl"},)"
+                           R"({"asset":"sha256-2","name":"tex/bäume.png"}]})");
 }
 
-TEST_F(Bundle, names_that_are_not_utf8_are_sent_as_they_are) {
-  put("K\xf6rper.mtl");
-  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
-  client::Client(server.url())
-      .upload(MeshSource::open(put("a.obj", "mtllib K\xf6rper.mtl\n")).source());
-  EXPECT_THAT(server.asked()[0].body, HasSubstr("K\xf6rper.mtl"));
+TEST_F(Bundle, a_texture_that_the_daemon_has_is_not_sent_again) {
+  put("a.mtl", "map_Kd skin.png\n");
+  put("skin.png", std::string(size_t{1} << 16, 'p'));
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-0"})"),
+                               test::json_response(R"({"id":"sha256-1"})"),
+                               test::json_response(R"({"id":"sha256-p","filename":"old.png"})"),
+                               test::json_response(R"({"id":"sha256-3"})")});
+  client::Client(server.url()).upload(MeshSource::open(put("a.obj", "mtllib a.mtl\n")).source());
+  ASSERT_EQ(server.asked().size(), 4u);
+  EXPECT_THAT(server.lines()[2], ::testing::MatchesRegex("GET /v1/assets/sha256-.*brief=1"));
+  EXPECT_THAT(server.asked()[3].body, HasSubstr(R"({"asset":"sha256-p","name":"skin.png"})"));
+}
+
+TEST_F(Bundle, names_that_are_not_utf8_or_have_backslashes_are_sent_as_names_that_match) {
+  put("K\xf6rper.mtl", "map_Kd tex\\skin.png\n");
+  put("tex\\skin.png");
+  const auto asked = uploaded(MeshSource::open(put("a.obj", "mtllib K\xf6rper.mtl\n")));
+  ASSERT_EQ(asked.size(), 4u);
+  EXPECT_THAT(asked[3].body, HasSubstr(R"("name":"K÷rper.mtl")"));  // as CP437
+  EXPECT_THAT(asked[3].body, HasSubstr(R"("name":"tex/skin.png")"));
 }
 
 TEST_F(Bundle, files_beside_the_mesh_are_sent_under_their_own_names) {
   const std::string mesh = put("a.md5mesh", kMd5Mesh);
   const std::string dance = put("moves/dance.md5anim", "hierarchy {\n}\n");
-  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
-  client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{dance}).source());
-  EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=a.zip");
-  EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "dance.md5anim"));
+  const auto asked = uploaded(MeshSource::open(mesh, std::vector{dance}));
+  ASSERT_EQ(asked.size(), 3u);
+  EXPECT_EQ(asked[1].target, "/v1/assets?filename=dance.md5anim");
+  EXPECT_THAT(asked[2].body, HasSubstr(R"({"asset":"sha256-1","name":"dance.md5anim"})"));
 }
 
 TEST_F(Bundle, a_file_that_is_named_twice_is_sent_as_the_command_line_says) {
   put("walk.md5anim", "hierarchy {\n\"hip\" -1\n\"leg\" 0\n}\n");
   const std::string mesh = put("a.md5mesh", kMd5Mesh);
   const std::string other = put("b/walk.md5anim", "other");
-  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
-  client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{other}).source());
-  EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "walk.md5anim"));
-  EXPECT_THAT(server.asked()[0].body, HasSubstr("other"));
+  const auto asked = uploaded(MeshSource::open(mesh, std::vector{other}));
+  ASSERT_EQ(asked.size(), 3u);
+  EXPECT_EQ(asked[1].target, "/v1/assets?filename=walk.md5anim");
+  EXPECT_EQ(asked[1].body, "other");
 }
 
 TEST_F(Bundle, a_missing_mesh_with_files_beside_it_is_named) {

@@ -209,14 +209,19 @@ TEST_F(Commands, a_stored_sequence_is_drawn) {
 
 TEST_F(Commands, files_beside_the_mesh_go_with_it) {
   std::ofstream(folder_ / "b.md5anim") << "MD5Version 10\n";
-  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"),
+                         json_response(R"({"id":"sha256-b"})"),
+                         json_response(R"({"id":"sha256-c"})"), job_response("queued"),
                          job_response("done"), CannedResponse{.body = "RESULT"}});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
   voxelize.input = mesh();
   voxelize.beside = {folder_ / "b.md5anim"};
   run_command(voxelize, {});
-  EXPECT_EQ(server.lines()[0], "POST /v1/assets?filename=a.zip");
-  EXPECT_THAT(server.asked()[0].body, ::testing::HasSubstr("b.md5anim"));
+  EXPECT_THAT(server.lines(),
+              ElementsAre("POST /v1/assets?filename=a.ply", "POST /v1/assets?filename=b.md5anim",
+                          "POST /v1/assets", "POST /v1/jobs", "GET /v1/jobs/j-1",
+                          "GET /v1/jobs/j-1/result"));
+  EXPECT_THAT(server.asked()[3].body, ::testing::HasSubstr(R"("asset":"sha256-c")"));
 }
 
 TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
