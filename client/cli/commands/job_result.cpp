@@ -98,7 +98,8 @@ void take_selection(const JobInfo& job, client::Options& options) {
   const auto given = status.find("options");
   if (given == status.end()) return;
   // A result that is the stored grid itself: the container of a selection is stored.
-  if (status.value(nlohmann::json::json_pointer("/result/blob"), "") == job.grid) return;
+  const std::string blob = status.value(nlohmann::json::json_pointer("/result/blob"), "");
+  if (!job.grid.empty() && blob == job.grid) return;
   // Frames of an exported sequence; those of a mesh's animation are all that its sequence has.
   const auto frames = given->find("frames");
   if (job.kind == "export" && frames != given->end()) options.set("frames", option_text(*frames));

@@ -207,6 +207,19 @@ TEST_F(Commands, a_stored_sequence_is_drawn) {
             R"({"kind":"render","options":{"image":"gif"},"sequence":"sha256-s"})");
 }
 
+TEST_F(Commands, the_frames_of_a_job_are_converted_as_the_job_selected_them) {
+  const std::string made = R"("options":{"region":[0,0,0,8,8,8]},"result":{"sequence":"sha256-s",)"
+                           R"("media_type":"application/vnd.voxeld.sequence"})";
+  ScriptedServer server({job_response("done", made), job_response("queued"), job_response("done"),
+                         CannedResponse{.body = "VOX "}});
+  Arguments jobs = arguments(Arguments::Command::kJobs, server);
+  jobs.job = "j-1";
+  jobs.output = folder_ / "a.vox";
+  run_command(jobs, {});
+  EXPECT_EQ(server.asked()[1].body, R"({"kind":"export","options":{"format":"vox",)"
+                                    R"("region":"0,0,0,8,8,8"},"sequence":"sha256-s"})");
+}
+
 TEST_F(Commands, files_beside_the_mesh_go_with_it) {
   std::ofstream(folder_ / "b.md5anim") << "MD5Version 10\n";
   ScriptedServer server({json_response(R"({"id":"sha256-a"})"),
