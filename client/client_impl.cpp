@@ -112,6 +112,11 @@ const std::string& checked_key(const std::string& key) {
   throw Error("invalid-option", 0, "the API key holds characters that no key has");
 }
 
+// Whether an asset that the daemon had when it was asked may have been deleted meanwhile.
+bool is_gone(const Error& error) {
+  return error.code() == "gone" || error.code() == "not-found";
+}
+
 Error interrupted() {
   return Error("interrupted", 0, "stopped by the caller");
 }
@@ -268,15 +273,26 @@ std::string ClientImpl::bundle(std::span<const BundleFile> files, const std::sto
               "the response to the bundle names no asset: is there a voxeld at this URL?");
 }
 
+std::string ClientImpl::send_bundle(std::span<const Source> sources,
+                                    const ProgressCallback& progress, const std::stop_token& stop) {
+  std::vector<BundleFile> files;
+  for (const Source& source : sources) {
+    files.push_back({source.filename_, upload(source, progress, stop)});
+  }
+  try {
+    return bundle(files, stop);
+  } catch (const Error& error) {
+    const bool is_stream =
+        std::ranges::any_of(sources, [](auto& source) { return source.read_ != nullptr; });
+    if (!is_gone(error) || is_stream) throw;
+  }
+  for (size_t i = 0; i < files.size(); ++i) files[i].asset = send(sources[i], progress, stop);
+  return bundle(files, stop);
+}
+
 std::string ClientImpl::send(const Source& source, const ProgressCallback& progress,
                              const std::stop_token& stop) {
-  if (!source.files_.empty()) {
-    std::vector<BundleFile> files;
-    for (const Source& file : source.files_) {
-      files.push_back({file.filename_, upload(file, progress, stop)});
-    }
-    return bundle(files, stop);
-  }
+  if (!source.files_.empty()) return send_bundle(source.files_, progress, stop);
   const bool repeatable = !source.read_;
   bool stopped = false;
   for (int attempt = 0;; ++attempt) {
@@ -526,9 +542,7 @@ JobInfo ClientImpl::begin(std::string_view kind, const Source& source, const Opt
   try {
     return submit(kind, Input::of_asset(asset), named, stop);
   } catch (const Error& error) {
-    // The daemon may have deleted it meanwhile.
-    const bool is_gone = error.code() == "gone" || error.code() == "not-found";
-    if (known.empty() || !is_gone) throw;
+    if (known.empty() || !is_gone(error)) throw;
   }
   return submit(kind, Input::of_asset(send(source, progress, stop)), named, stop);
 }

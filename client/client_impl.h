@@ -74,6 +74,9 @@ class ClientImpl {
   // "". Throws if it is stopped or the file cannot be read.
   std::string known_asset(const Source& source, const ProgressCallback& progress,
                           const std::stop_token& stop);
+  // Uploads the files of a bundle that the daemon lacks, and the bundle.
+  std::string send_bundle(std::span<const Source> sources, const ProgressCallback& progress,
+                          const std::stop_token& stop);
   // Uploads without asking; of a bundle what the daemon lacks.
   std::string send(const Source& source, const ProgressCallback& progress,
                    const std::stop_token& stop);

@@ -100,6 +100,33 @@ TEST(Upload, an_asset_that_is_deleted_after_the_question_is_sent) {
                                      "GET /v1/jobs/j-1", "GET /v1/jobs/j-1/result"));
 }
 
+TEST(Upload, a_file_of_a_bundle_that_is_deleted_after_the_question_is_sent) {
+  const Source bundle = Source::bundle({Source::memory(bytes_of("mesh"), "a.obj"),
+                                        Source::memory(std::vector<std::byte>(70'000), "a.png")});
+  ScriptedServer server({json_response(R"({"id":"sha256-0"})"),
+                         json_response(R"({"id":"sha256-known","filename":"a.png"})"),
+                         problem_response(410, "gone", "deleted"),
+                         json_response(R"({"id":"sha256-0"})"), json_response(kAsset),
+                         json_response(R"({"id":"sha256-bundle"})")});
+  EXPECT_EQ(Client(server.url()).upload(bundle), "sha256-bundle");
+  EXPECT_THAT(server.lines(),
+              ::testing::ElementsAre("POST /v1/assets?filename=a.obj",
+                                     "GET /v1/assets/" + kZeros + "?brief=1", "POST /v1/assets",
+                                     "POST /v1/assets?filename=a.obj",
+                                     "POST /v1/assets?filename=a.png", "POST /v1/assets"));
+  EXPECT_THAT(server.asked()[2].body, HasSubstr("sha256-known"));
+  EXPECT_THAT(server.asked()[5].body, ::testing::Not(HasSubstr("sha256-known")));
+}
+
+TEST(Upload, a_bundle_with_a_stream_is_sent_once) {
+  int calls = 0;
+  const Source bundle = Source::bundle({stream_of("mesh", 1000, &calls, "a.obj")});
+  ScriptedServer server({json_response(kAsset), problem_response(410, "gone", "deleted")});
+  Client client(server.url());
+  EXPECT_EQ(error_of([&] { client.upload(bundle); }).code(), "gone");
+  EXPECT_THAT(server.asked(), SizeIs(2));
+}
+
 TEST(Upload, memory_is_sent_with_its_length) {
   ScriptedServer server({json_response(kAsset)});
   Client(server.url()).upload(Source::memory(bytes_of("solid"), "a.stl"));
