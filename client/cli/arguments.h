@@ -2,6 +2,7 @@
 // options (proto/options/table.h).
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
@@ -39,6 +40,7 @@ struct Arguments {
   int timeout_s = 0;             // of one exchange with the daemon; 0: no limit
 
   std::string input;                // path, or "-" for stdin
+  std::shared_ptr<const int> pipe;  // the opened `input`, if it is a pipe: see await_stream()
   std::vector<std::string> beside;  // paths of files that are sent with it
   std::string output;               // path, or "-" for stdout; empty: stdout unless it is a
                                     // terminal

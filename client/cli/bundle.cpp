@@ -477,14 +477,9 @@ std::shared_ptr<const int> open_pipe(const fs::path& pipe) {
           }};
 }
 
-client::Source pipe_source(const fs::path& pipe, const std::stop_token& stop) {
-  const std::shared_ptr<const int> opened = open_pipe(pipe);
-  return stream_source(*opened, opened, pipe.string(), pipe.filename().string(), stop);
-}
-
 }  // namespace
 
-std::shared_ptr<const void> await_stream(const std::string& input, const std::stop_token& stop) {
+std::shared_ptr<const int> await_stream(const std::string& input, const std::stop_token& stop) {
   std::error_code error;
   if (input == "-") {
     await_input(STDIN_FILENO, stop);
@@ -506,7 +501,7 @@ std::vector<std::string> referenced_files(const fs::path& mesh) {
 }
 
 MeshSource MeshSource::open(const std::string& input, std::span<const std::string> beside,
-                            const std::stop_token& stop) {
+                            const std::stop_token& stop, std::shared_ptr<const int> pipe) {
   if (input == "-") {
     if (beside.empty()) {
       return MeshSource(stream_source(STDIN_FILENO, nullptr, "stdin", "", stop));
@@ -518,8 +513,11 @@ MeshSource MeshSource::open(const std::string& input, std::span<const std::strin
   if (fs::is_directory(mesh, error))
     throw client::Error("file", 0, input + ": is a folder, expected a mesh file");
   if (fs::is_fifo(mesh, error)) {
-    if (beside.empty()) return MeshSource(pipe_source(mesh, stop));
-    throw client::Error("file", 0, input + ": a pipe cannot be sent together with other files");
+    if (!beside.empty()) {
+      throw client::Error("file", 0, input + ": a pipe cannot be sent together with other files");
+    }
+    if (!pipe) pipe = open_pipe(mesh);
+    return MeshSource(stream_source(*pipe, pipe, input, mesh.filename().string(), stop));
   }
   const std::vector<Entry> entries = entries_of(mesh, beside);
   if (entries.size() == 1) return MeshSource(client::Source::file(mesh));

@@ -12,9 +12,11 @@
 
 namespace voxeld::cli {
 
-// Waits until what writes `input`, if that is stdin or a pipe, has begun or ended. The result keeps
-// a pipe open, which MeshSource::open() opens, too. Throws client::Error "file" and "interrupted".
-std::shared_ptr<const void> await_stream(const std::string& input, const std::stop_token& stop);
+// Waits until what writes `input`, if that is stdin or a pipe, has begun or ended. Returns the
+// descriptor of a pipe, which the last copy closes. MeshSource::open() takes it: a pipe that is
+// opened again does not tell that its writer is gone. Throws client::Error "file" and
+// "interrupted".
+std::shared_ptr<const int> await_stream(const std::string& input, const std::stop_token& stop);
 
 // The data to send for one input of the command line.
 class MeshSource {
@@ -25,9 +27,10 @@ class MeshSource {
   // daemon's response names them.
   //
   // `beside`: paths of files that are sent with it under their own names, such as animations.
-  // `stop` ends the wait for bytes of stdin. Throws client::Error "file".
+  // `stop` ends the wait for bytes of stdin. `pipe`: what await_stream() returned for `input`; a
+  // pipe without it is opened. Throws client::Error "file".
   static MeshSource open(const std::string& input, std::span<const std::string> beside = {},
-                         const std::stop_token& stop = {});
+                         const std::stop_token& stop = {}, std::shared_ptr<const int> pipe = {});
 
   const client::Source& source() const { return source_; }
   // Throws client::Error "invalid-option" if `output` is one of the bundle's files.

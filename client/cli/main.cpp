@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
-#include <memory>
 #include <string>
 
 #include "client/cli/arguments.h"
@@ -38,12 +37,11 @@ int run(int argc, char** argv) {
   auto& arguments = std::get<cli::Arguments>(parsed);
   cli::Interrupt interrupt;
   try {
-    std::shared_ptr<const void> pipe;
     if (cli::needs_server(arguments)) {
       // Not after a server is found: the private daemon ends when idle. A stream with other files
       // beside it is refused at once.
       if (arguments.beside.empty()) {
-        pipe = cli::await_stream(arguments.input, interrupt.token());
+        arguments.pipe = cli::await_stream(arguments.input, interrupt.token());
       }
       const cli::Server server = cli::find_server(arguments, interrupt.token());
       arguments.url = server.url;

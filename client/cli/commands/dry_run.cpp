@@ -27,7 +27,7 @@ Json estimate_of(client::Client& daemon, const Arguments& arguments, const std::
     const client::Input stored = {"", arguments.grid, arguments.sequence};
     return parsed(daemon.estimate_json(kind, stored, options, stop));
   }
-  const MeshSource mesh = MeshSource::open(input, arguments.beside, stop);
+  const MeshSource mesh = MeshSource::open(input, arguments.beside, stop, arguments.pipe);
   const std::string asset = daemon.upload(mesh.source(), {}, stop);
   if (!mesh.source().filename().empty() && !options.has("filename")) {
     options.set("filename", mesh.source().filename());

@@ -242,7 +242,7 @@ void print_mesh(const Json& mesh, const std::string& asset) {
 
 void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
-  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop);
+  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop, arguments.pipe);
   ProgressBar bar(arguments.quiet);
   const std::string asset = daemon.upload(
       mesh.source(),

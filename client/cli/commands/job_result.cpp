@@ -165,7 +165,7 @@ JobInfo wait_or_cancel(Client& daemon, const std::string& job,
 
 void run_voxelize(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
-  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop);
+  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop, arguments.pipe);
   mesh.check_output(arguments.output);
   write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
     return daemon.voxelize_to(mesh.source(), arguments.options, sink, progress, stop);
@@ -182,7 +182,7 @@ void run_render(const Arguments& arguments, const std::stop_token& stop) {
         });
     return;
   }
-  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop);
+  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop, arguments.pipe);
   mesh.check_output(arguments.output);
   write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
     return daemon.render_to(mesh.source(), arguments.options, sink, progress, stop);

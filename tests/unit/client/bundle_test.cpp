@@ -3,10 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "tests/unit/client/client_test_tools.h"
 #include "tests/unit/client/scripted_server.h"
@@ -352,6 +354,20 @@ std::vector<test::Asked> uploaded(const MeshSource& mesh) {
   const std::string asset = client::Client(server.url()).upload(mesh.source());
   EXPECT_EQ(asset, "sha256-" + std::to_string(server.asked().size() - 1));
   return server.asked();
+}
+
+TEST_F(Bundle, a_pipe_whose_writer_is_gone_before_a_server_is_found_is_read_to_its_end) {
+  const std::string pipe = folder() / "pipe.obj";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  for (const std::string text : {"v 0 0 0\n", ""}) {
+    std::jthread writer([&] { std::ofstream(pipe) << text; });
+    const std::shared_ptr<const int> opened = await_stream(pipe, {});
+    writer.join();
+    const auto asked = uploaded(MeshSource::open(pipe, {}, {}, opened));
+    ASSERT_EQ(asked.size(), 1u);
+    EXPECT_EQ(asked[0].target, "/v1/assets?filename=pipe.obj");
+    EXPECT_EQ(asked[0].body, text);
+  }
 }
 
 TEST_F(Bundle, a_mesh_with_files_is_sent_as_a_bundle_of_them) {
