@@ -59,12 +59,13 @@ class Names {
     const auto found = files_.resolve(reference, "");
     return found ? add_path(file_names_[found->index]) : "";
   }
-  // Whether it is a file that can be read, inside the folder after all links are followed.
+  // Whether it is a file that can be read and has bytes, inside the folder after all links are
+  // followed. The daemon takes no empty file.
   bool is_file_inside(const fs::path& path) const {
     std::error_code error;
     const fs::path real = fs::canonical(folder_ / path, error);
     if (error || !fs::is_regular_file(real, error)) return false;
-    if (::access(real.c_str(), R_OK) != 0) return false;
+    if (::access(real.c_str(), R_OK) != 0 || fs::file_size(real, error) == 0) return false;
     const fs::path relative = real.lexically_relative(real_folder_);
     return !real_folder_.empty() && !relative.empty() && *relative.begin() != "..";
   }
@@ -435,6 +436,7 @@ std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string>
     if (!fs::is_regular_file(path, error)) {
       throw client::Error("file", 0, path + ": is no file that can be read");
     }
+    if (fs::file_size(path, error) == 0) throw client::Error("file", 0, path + ": is empty");
     entries.push_back({path, fs::path(path).filename().string()});
   }
   return entries;

@@ -23,8 +23,8 @@ class MeshSource {
  public:
   // Opens `input`, a path or "-" for stdin. An .obj, .ply, .gltf, .glb or .md5mesh that names
   // other files (materials, textures, buffers, animations) becomes a bundle with them. Names that
-  // lead out of the mesh's folder and files that are missing or cannot be read are omitted; the
-  // daemon's response names them.
+  // lead out of the mesh's folder and files that are missing, empty or cannot be read are omitted;
+  // the daemon's response names them.
   //
   // `beside`: paths of files that are sent with it under their own names, such as animations.
   // `stop` ends the wait for bytes of stdin. `pipe`: what await_stream() returned for `input`; a

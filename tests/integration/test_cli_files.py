@@ -313,6 +313,13 @@ class CliFiles(DaemonTest):
             self.assertEqual(colors, {(0, 255, 0)}, mesh)
             self.assertIn("\u1100\u1161.tga is taken for it (the same name in another case or Unicode form)", said)
 
+    def test_empty_files_are_left_out_and_named(self):
+        self.put(**{"a.obj": b"mtllib empty.mtl\nmtllib a.mtl\n" + self.SQUARE,
+                    "a.mtl": b"newmtl m\nmap_Kd empty.tga\n", "empty.tga": b"", "empty.mtl": b""})
+        said = self.colors(self.dir / "a.obj")[1]
+        self.assertIn("empty.mtl", said)
+        self.assertIn("empty.tga", said)
+
     def test_the_textures_of_a_ply_are_sent(self):
         self.put(**{"scan.ply": b"ply\nformat ascii 1.0\ncomment TextureFile <this> skin.tga\nelement vertex 3\n"
                                 b"property float x\nproperty float y\nproperty float z\nproperty float s\n"

@@ -95,6 +95,7 @@ class VOXELD_CLIENT_API Source {
   static Source mesh(const MeshVertices& vertices, const MeshIndices& triangles,
                      const MeshColors& colors = {}, std::span<const float> normals = {});
   // A mesh and files that it names: each `filename` is a relative path, in UTF-8 and with slashes.
+  // None may be empty.
   // They are uploaded one by one, and those that the daemon has are not sent again.
   static Source bundle(std::vector<Source> files);
 

@@ -30,7 +30,7 @@ class Bundle : public ::testing::Test {
   }
   ~Bundle() override { fs::remove_all(outer_); }
   fs::path folder() const { return outer_ / "meshes"; }
-  fs::path put(const std::string& name, const std::string& text = "") const {
+  fs::path put(const std::string& name, const std::string& text = "x") const {
     const fs::path path = folder() / name;
     fs::create_directories(path.parent_path());
     std::ofstream(path, std::ios::binary) << text;
@@ -218,10 +218,16 @@ TEST_F(Bundle, names_that_lead_outside_are_left_out) {
   EXPECT_THAT(referenced_files(gltf), IsEmpty());
 }
 
-TEST_F(Bundle, files_that_are_missing_and_folders_are_left_out) {
+TEST_F(Bundle, files_that_are_missing_or_empty_and_folders_are_left_out) {
   put("sub/x");
-  put("a.mtl", "map_Kd missing.png\nmap_Kd sub\n");
-  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl other.mtl\n")), ElementsAre("a.mtl"));
+  put("empty.png", "");
+  put("empty.mtl", "");
+  put("a.mtl", "map_Kd missing.png\nmap_Kd sub\nmap_Kd empty.png\n");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl other.mtl empty.mtl\n")),
+              ElementsAre("a.mtl"));
+  put("empty.mtr", "");
+  put("empty.md5anim", "");
+  EXPECT_THAT(referenced_files(put("a.md5mesh", "mesh {\nshader \"empty\"\n}\n")), IsEmpty());
 }
 
 TEST_F(Bundle, a_gltf_gives_buffers_and_images_with_percent_encoded_names) {
@@ -443,6 +449,9 @@ TEST_F(Bundle, a_texture_that_cannot_be_read_is_left_out) {
 TEST_F(Bundle, files_beside_the_mesh_must_be_there_and_have_names_of_their_own) {
   const std::string mesh = put("a.ply"), same = put("b/a.ply");
   const std::vector<std::string> missing = {(fs::path(folder()) / "no.md5anim").string()};
+  const std::string empty = put("empty.md5anim", "");
+  EXPECT_EQ(error_of([&] { MeshSource::open(mesh, std::vector{empty}); }).what(),
+            empty + ": is empty");
   EXPECT_THAT(error_of([&] { MeshSource::open(mesh, missing); }).what(),
               HasSubstr("no.md5anim: is no file that can be read"));
   EXPECT_THAT(error_of([&] { MeshSource::open(mesh, std::vector{same}); }).what(),
