@@ -12,7 +12,9 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <span>
 #include <sstream>
@@ -21,6 +23,7 @@
 #include "client/cli/output_name.h"
 #include "proto/file_names/file_names.h"
 #include "proto/file_names/text_encodings.h"
+#include "proto/messages/bundle_manifest.h"
 #include "proto/text/text_file.h"
 
 namespace voxeld::cli {
@@ -36,6 +39,18 @@ constexpr size_t kListedFilesMax = 20'000;
 constexpr size_t kHeaderBytesMax = size_t{1} << 20;
 // A stop is noticed after it while a stream is silent.
 constexpr int kStreamLookMs = 50;
+// Has a letter for every byte.
+constexpr size_t kCp437 = 6;
+static_assert(kTextEncodings[kCp437] == "CP437");
+
+// The path as the daemon takes it, read in the encoding if it is not UTF-8. nullopt if it is not
+// valid there, or if nothing that a manifest may hold is left of it.
+std::optional<std::string> bundle_name(const std::string& path, size_t encoding) {
+  const auto text = is_utf8(path) ? std::optional(path) : utf8_from(encoding, path);
+  auto name = text ? normalized_name(*text) : std::nullopt;
+  if (name && is_bundle_file_name(*name)) return name;
+  return std::nullopt;
+}
 
 // Collects distinct names of existing files inside the mesh's folder. A mesh file may come from
 // anyone, and the files it names are sent away. Therefore no name and no symbolic link may lead out
@@ -57,7 +72,9 @@ class Names {
   std::string add_similar(const std::string& reference) {
     if (!is_listed_) list_files();
     const auto found = files_.resolve(reference, "");
-    return found ? add_path(file_names_[found->index]) : "";
+    if (!found) return "";
+    note_reading(file_names_[found->index], reference);
+    return add_path(file_names_[found->index]);
   }
   // Whether it is a file that can be read and has bytes, inside the folder after all links are
   // followed. The daemon takes no empty file.
@@ -69,7 +86,18 @@ class Names {
     const fs::path relative = real.lexically_relative(real_folder_);
     return !real_folder_.empty() && !relative.empty() && *relative.begin() != "..";
   }
-  std::vector<std::string> take() { return std::move(list_); }
+  std::vector<ReferencedFile> take() const {
+    std::vector<ReferencedFile> files;
+    for (const std::string& path : list_) {
+      const auto reading = readings_.find(path);
+      if (reading != readings_.end()) {
+        files.push_back({path, reading->second});
+      } else if (const auto name = bundle_name(path, kCp437)) {
+        files.push_back({path, *name});
+      }
+    }
+    return files;
+  }
 
  private:
   std::string add_path(const fs::path& path) {
@@ -77,6 +105,20 @@ class Names {
     if (!is_file_inside(path)) return "";
     if (seen_.insert(path.string()).second) list_.push_back(path.string());
     return path.string();
+  }
+  // Keeps the first reading of a path by which the daemon finds it for the reference. CP437 need
+  // not be kept: references with the same bytes are found by it, as the daemon reads them in it.
+  void note_reading(const std::string& path, const std::string& reference) {
+    if (is_utf8(path)) return;
+    const auto reading = [&](size_t encoding) {
+      auto name = bundle_name(path, encoding);
+      return name && FileNames({*name}).resolve(reference, "") ? name : std::nullopt;
+    };
+    if (reading(kCp437)) return;
+    for (size_t encoding = 0; encoding < kTextEncodingCount; ++encoding) {
+      const auto name = reading(encoding);
+      if (name && readings_.try_emplace(path, *name).second) return;
+    }
   }
   // Lists by breadth. Hidden folders and links to folders are not entered.
   void list_files() {
@@ -104,6 +146,7 @@ class Names {
   fs::path folder_, real_folder_;
   std::set<std::string> seen_;
   std::vector<std::string> list_;
+  std::map<std::string, std::string> readings_;  // of paths that are not UTF-8
   bool is_listed_ = false;
   std::vector<std::string> file_names_;  // all below the folder
   FileNames files_;
@@ -237,7 +280,7 @@ std::vector<std::string> add_libraries(const std::string& line, Names& names) {
   return libraries;
 }
 
-std::vector<std::string> files_of_obj(const fs::path& mesh) {
+std::vector<ReferencedFile> files_of_obj(const fs::path& mesh) {
   Names names(mesh.parent_path());
   std::vector<std::string> materials;
   for_each_statement(mesh, [&](const Statement& statement) {
@@ -282,7 +325,7 @@ std::string gltf_json(const fs::path& mesh) {
   return json;
 }
 
-std::vector<std::string> files_of_gltf(const fs::path& mesh) {
+std::vector<ReferencedFile> files_of_gltf(const fs::path& mesh) {
   Names names(mesh.parent_path());
   // A broken document is sent unchanged, so the daemon reports the error.
   const Json document = Json::parse(gltf_json(mesh), nullptr, false);
@@ -299,7 +342,7 @@ std::vector<std::string> files_of_gltf(const fs::path& mesh) {
 }
 
 // The textures of "comment TextureFile NAME", where "<this>" is the stem of the mesh's own name.
-std::vector<std::string> files_of_ply(const fs::path& mesh) {
+std::vector<ReferencedFile> files_of_ply(const fs::path& mesh) {
   Names names(mesh.parent_path());
   std::ifstream file(mesh, std::ios::binary);
   std::string header(kHeaderBytesMax, '\0');
@@ -370,7 +413,7 @@ void add_animations(const fs::path& mesh, const std::vector<fs::path>& files, Na
 
 // The folder's animations and material files, and its images named like a shader of the mesh or a
 // material. The daemon decides which of them apply.
-std::vector<std::string> files_of_md5(const fs::path& mesh) {
+std::vector<ReferencedFile> files_of_md5(const fs::path& mesh) {
   std::set<std::string> wanted;
   for_each_statement(mesh, [&](const Statement& statement) {
     if (statement.key != "shader") return;
@@ -409,36 +452,31 @@ struct Entry {
   std::string name;
 };
 
-// The name as the daemon takes it. It reads references in each legacy encoding, also in one that
-// has a letter for every byte: a name that is not UTF-8 matches them when read in that one.
-std::string bundle_name(std::string name) {
-  constexpr size_t kCp437 = 6;
-  static_assert(kTextEncodings[kCp437] == "CP437");
-  std::ranges::replace(name, '\\', '/');
-  return is_utf8(name) ? name : utf8_from(kCp437, name).value();
-}
-
 // The mesh first, then the files it names, then the files beside it under their own names.
 std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string> beside) {
-  std::vector<Entry> entries = {{mesh, mesh.filename().string()}};
+  // The extension of a mesh tells its format.
+  const auto name_of_mesh = bundle_name(mesh.filename().string(), kCp437);
+  std::vector<Entry> entries = {{mesh, name_of_mesh.value_or("mesh" + mesh.extension().string())}};
+  std::vector<Entry> given;
   std::set<std::string> taken = {entries[0].name};
-  for (const std::string& path : beside) {
-    const std::string name = fs::path(path).filename().string();
-    if (!taken.insert(name).second) {
-      throw client::Error("file", 0, path + ": another file of the command line has this name");
-    }
-  }
-  for (const std::string& name : referenced_files(mesh)) {
-    if (!taken.contains(name)) entries.push_back({mesh.parent_path() / name, name});
-  }
   for (const std::string& path : beside) {
     std::error_code error;
     if (!fs::is_regular_file(path, error)) {
       throw client::Error("file", 0, path + ": is no file that can be read");
     }
     if (fs::file_size(path, error) == 0) throw client::Error("file", 0, path + ": is empty");
-    entries.push_back({path, fs::path(path).filename().string()});
+    const auto name = bundle_name(fs::path(path).filename().string(), kCp437);
+    if (!name) throw client::Error("file", 0, path + ": no file of a bundle may have this name");
+    if (!taken.insert(*name).second) {
+      throw client::Error("file", 0, path + ": another file of the command line has this name");
+    }
+    given.push_back({path, *name});
   }
+  for (const ReferencedFile& file : referenced_files(mesh)) {
+    if (!taken.insert(file.name).second) continue;
+    entries.push_back({mesh.parent_path() / file.path, file.name});
+  }
+  std::ranges::move(given, std::back_inserter(entries));
   return entries;
 }
 
@@ -493,7 +531,7 @@ std::shared_ptr<const int> await_stream(const std::string& input, const std::sto
   return pipe;
 }
 
-std::vector<std::string> referenced_files(const fs::path& mesh) {
+std::vector<ReferencedFile> referenced_files(const fs::path& mesh) {
   const std::string extension = lower_case(mesh.extension().string());
   if (extension == ".obj") return files_of_obj(mesh);
   if (extension == ".gltf" || extension == ".glb") return files_of_gltf(mesh);
@@ -529,7 +567,7 @@ MeshSource MeshSource::open(const std::string& input, std::span<const std::strin
     if (::access(entry.path.c_str(), R_OK) != 0) {
       throw client::Error("file", 0, entry.path.string() + ": " + std::strerror(errno));
     }
-    sources.push_back(client::Source::file(entry.path, bundle_name(entry.name)));
+    sources.push_back(client::Source::file(entry.path, entry.name));
     files.push_back(entry.path);
   }
   MeshSource result(client::Source::bundle(std::move(sources)));

@@ -43,10 +43,16 @@ class MeshSource {
   std::vector<std::filesystem::path> files_;  // of the bundle; empty without one
 };
 
-// Relative paths that the file names, in order and once each; only those inside its folder.
+struct ReferencedFile {
+  std::string path;  // from the mesh's folder
+  std::string name;  // in the bundle: UTF-8, which the daemon finds for the reference
+};
+
+// The files that the file names, in order and once each; only those inside its folder.
 // Understands .obj (with the .mtl it names), .ply, .gltf, .glb and .md5mesh (with .mtr files and
 // images of its folder, and .md5anim files with the same joints). Empty for other files. A name
-// that is not there may mean another file of the folder or below (FileNames).
-std::vector<std::string> referenced_files(const std::filesystem::path& mesh);
+// that is not there may mean another file of the folder or below (FileNames). A file whose path
+// makes no name for a bundle is left out.
+std::vector<ReferencedFile> referenced_files(const std::filesystem::path& mesh);
 
 }  // namespace voxeld::cli

@@ -36,12 +36,6 @@ Error unfit_name(std::string expected, std::string_view name, std::string_view a
   return unfit(std::move(expected), echoed(name) + std::string(after));
 }
 
-Status is_name(const std::string& name) {
-  VOXELD_TRY(text_up_to(client_texts::kBundleFileName.bytes_max)(name));
-  if (is_plain_path(name)) return {};
-  return unfit_name("a relative path with / and without \\, empty parts, \".\" and \"..\"", name);
-}
-
 Status is_asset(const std::string& asset) {
   if (is_blob_id(AssetId::parse(asset).blob)) return {};
   return unfit_name("the id of an uploaded asset", asset);
@@ -64,8 +58,14 @@ struct BundleManifest {
 
 }  // namespace
 
+Status is_bundle_file_name(const std::string& name) {
+  VOXELD_TRY(text_up_to(client_texts::kBundleFileName.bytes_max)(name));
+  if (is_plain_path(name)) return {};
+  return unfit_name("a relative path with / and without \\, empty parts, \".\" and \"..\"", name);
+}
+
 void visit_fields(IsA<BundleFile> auto& file, auto& visit) {
-  visit(kRequired, "name", file.name, is_name);
+  visit(kRequired, "name", file.name, is_bundle_file_name);
   visit(kRequired, "asset", file.asset, is_asset);
 }
 

@@ -22,6 +22,9 @@ struct BundleFile {
   std::string asset;  // id
 };
 
+// Whether a file of a bundle may have this name.
+Status is_bundle_file_name(const std::string& name);
+
 // Errors: malformed-bundle, naming the member, for no files, more than limits::kBundleEntriesMax,
 // two files of one name, and names that a zip may not have either.
 Result<std::vector<BundleFile>> parse_bundle_manifest(std::string_view json);

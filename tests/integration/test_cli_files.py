@@ -280,6 +280,10 @@ class CliFiles(DaemonTest):
         colors, said = self.colors(self.dir / "a.obj")
         self.assertEqual(colors, {(0, 255, 0)})
         self.assertIn(f"{name} is taken for it (read as GBK)", said)
+        (self.dir / name).rename(self.dir / os.fsdecode(name.encode("gbk")))
+        for material in (library, library.replace(name.encode("gbk"), name.encode())):
+            self.put(**{"a.mtl": material})
+            self.assertEqual(self.colors(self.dir / "a.obj")[0], {(0, 255, 0)}, material)
         for material, reading in ((library, "the same bytes, which are not UTF-8"),
                                   (library.replace(name.encode("gbk"), name.encode()), "read as GBK")):
             with zipfile.ZipFile(self.dir / "b.zip", "w") as archive:
@@ -319,6 +323,14 @@ class CliFiles(DaemonTest):
         said = self.colors(self.dir / "a.obj")[1]
         self.assertIn("empty.mtl", said)
         self.assertIn("empty.tga", said)
+
+    def test_files_whose_names_no_bundle_may_have_are_left_out(self):
+        names = {"a:b.tga": b"a:b.tga", "n\x01.tga": b"n\x01.tga", "..\\x.tga": b"..\\x.tga"}
+        self.put(**{"a.obj": b"mtllib a.mtl\n" + self.SQUARE, **dict.fromkeys(names, self.texture(0, 255, 0)),
+                    "a.mtl": b"".join(b"newmtl %d\nmap_Kd %s\n" % each for each in enumerate(names.values()))
+                    + b"newmtl m\nmap_Kd \x95\\/skin.tga\n", os.fsdecode(b"\x95\\/skin.tga"): self.texture(255, 0, 0)})
+        colors, said = self.colors(self.dir / "a.obj")
+        self.assertEqual(colors, {(255, 0, 0)}, said)
 
     def test_the_textures_of_a_ply_are_sent(self):
         self.put(**{"scan.ply": b"ply\nformat ascii 1.0\ncomment TextureFile <this> skin.tga\nelement vertex 3\n"
