@@ -180,10 +180,17 @@ class Client:
         if len(files) == 1:
             asset, was_known = sent[0]
             return asset, files[0] if was_known else None
+        try:
+            return self._bundle(call, files, sent), None
+        except NotFound:  # one was deleted since the server was asked
+            sent = [self._upload_file(call, file, False) for file in files]
+        return self._bundle(call, files, sent), None
+
+    def _bundle(self, call: Call, files: list[File], sent: list[tuple[Asset, bool]]) -> Asset:
         manifest = {"files": [{"name": file.name, "asset": asset.id} for file, (asset, _) in zip(files, sent)]}
         answer = self._transport.json(call, "POST", "/v1/assets", body=json.dumps(manifest).encode(),
                                       headers={"Content-Type": BUNDLE_TYPE})
-        return Asset(str(answer["id"])), None
+        return Asset(str(answer["id"]))
 
     def _upload_file(self, call: Call, file: File, may_ask: bool) -> tuple[Asset, bool]:
         """The asset, and whether the server had it before."""

@@ -390,6 +390,20 @@ class Transport(TransportTest):
         self.script(problem(404, "not-found"))
         self.raised(voxeld.Error, "not-found", lambda: self.client.delete(voxeld.Asset("sha256-a")))
 
+    def test_a_file_of_a_bundle_that_is_deleted_after_the_question_is_sent(self):
+        known = json_response({"id": "sha256-known", "filename": "b.png"})
+        script = self.script(json_response({"id": "sha256-a"}, 201), known, problem(410, "gone"),
+                             json_response({"id": "sha256-a"}, 201), json_response({"id": "sha256-b"}, 201),
+                             json_response({"id": "sha256-c"}, 201))
+        with tempfile.TemporaryDirectory() as folder:
+            mesh, image = pathlib.Path(folder, "a.obj"), pathlib.Path(folder, "b.png")
+            mesh.write_text("v 0 0 0\n")
+            image.write_bytes(bytes(1 << 20))
+            self.assertEqual(self.client.upload([mesh, image]).id, "sha256-c")
+        self.assertEqual(script.lines()[2:], ["POST /v1/assets", "POST /v1/assets?filename=a.obj",
+                                              "POST /v1/assets?filename=b.png", "POST /v1/assets"])
+        self.assertEqual(json.loads(script.bodies[5])["files"][1], {"name": "b.png", "asset": "sha256-b"})
+
     def test_a_pipe_is_read_once(self):
         script = self.script(json_response({"id": "sha256-a"}, 201))
         with tempfile.TemporaryDirectory() as folder:
