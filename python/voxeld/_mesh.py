@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._errors import error
-from ._references import NO_UTF8, referenced_files
+from ._references import bundle_name, referenced_files
 
 HASH_PIECE_BYTES = 1 << 20
 VERTICES_MAX = 1 << 31  # PLY's indices are int32
@@ -94,21 +94,25 @@ def files_of(mesh: Mesh, filename: str) -> list[File]:
 
 def _path_files(paths: Sequence[Path], filename: str) -> list[File]:
     mesh, *beside = (pathlib.Path(each) for each in paths)
-    files = [path_file(mesh, filename or _utf8(mesh.name))]
-    given = {path.name: path for path in beside}
-    if len(given) < len(beside) or mesh.name in given:
+    # The suffix of a mesh tells its format.
+    name_of_mesh = bundle_name(filename or mesh.name) or "mesh" + _utf8(pathlib.PurePath(filename or mesh.name).suffix)
+    given = {bundle_name(path.name) or "": path for path in beside}
+    if "" in given:
+        raise error("file", f"{given['']}: no file of a bundle may have this name")
+    if len(given) < len(beside) or name_of_mesh in given:
         raise error("file", f"{[str(path) for path in beside]}: files that are sent together need different names")
-    for name in referenced_files(mesh) if mesh.is_file() else ():
-        if name != mesh.name and name not in given:
-            files.append(path_file(mesh.parent / name, _bundle_name(name)))
-    return files + [path_file(path, _utf8(name)) for name, path in given.items()]
-
-
-def _bundle_name(name: str) -> str:
-    """The name as the daemon takes it. It reads references in each legacy encoding, also in one that has a letter for
-    every byte: a name that is not UTF-8 matches them when read in that one."""
-    name = name.replace("\\", "/")
-    return os.fsencode(name).decode("cp437") if NO_UTF8.search(name) else name
+    names = {name_of_mesh: mesh}
+    for path, name in referenced_files(mesh).items() if mesh.is_file() else ():
+        if path != mesh.name and name not in given:
+            names.setdefault(name, mesh.parent / path)
+    names |= given
+    if len(names) == 1:
+        return [path_file(mesh, filename or _utf8(mesh.name))]
+    files = [path_file(path, name) for name, path in names.items()]
+    for file in files:
+        if file.bytes == 0 and file.name in given:
+            raise error("file", f"{given[file.name]}: is empty")
+    return files
 
 
 def _utf8(name: str) -> str:

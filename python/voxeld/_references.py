@@ -22,6 +22,7 @@ UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 UTF8_MARK = b"\xef\xbb\xbf"
 BLANKS_MAX = 100  # before the first word of a line
 NO_UTF8 = re.compile("[\udc80-\udcff]")
+NAME_BYTES_MAX = 255
 ENCODINGS = ("gbk", "cp932", "cp950", "cp949", "cp1252", "cp850", "cp437", "cp1250", "cp852", "cp1251", "cp866")
 
 
@@ -38,6 +39,18 @@ def _read_as(name: str, encoding: str | None) -> str | None:
         return name.encode("utf-8", "surrogateescape").decode(encoding)
     except UnicodeError:
         return None
+
+
+def bundle_name(path: str) -> str | None:
+    """The path as the daemon takes it; None if nothing that a manifest may hold is left of it. The daemon reads
+    references in each legacy encoding, also in one that has a letter for every byte: a path that is not UTF-8 matches
+    those with the same bytes when read in that one."""
+    name = (_read_as(path, "cp437") or "").replace("\\", "/")
+    if not name or name.startswith("/"):
+        return None
+    data = posixpath.normpath(name).encode()
+    is_plain = data not in (b".", b"..") and not data.startswith(b"../") and data[1:2] != b":" and min(data) >= 0x20
+    return data.decode() if is_plain and len(data) <= NAME_BYTES_MAX else None
 
 
 def _folded(text: str) -> str:
@@ -72,6 +85,7 @@ class _Names:
         self.list: list[str] = []
         self.files: list[str] | None = None  # all below the folder
         self.read: dict[str | None, list[str]] = {}
+        self.found: dict[str, str] = {}  # readings of paths that are not UTF-8, by which references mean them
 
     def add(self, name: str) -> bool:
         """Adds a file by its name."""
@@ -84,12 +98,23 @@ class _Names:
             self.files = self._list_files()
         found = _find(self.readings(None), urllib.parse.unquote(reference))
         if found is None:
-            pairs = [(self.readings(names), _read_as(reference, path))
-                     for names in _encodings("".join(self.files)) for path in _encodings(reference)]
-            others = {_find([_folded(name) for name in names], _folded(path))
-                      for names, path in pairs if path is not None} - {None}
-            found = others.pop() if len(others) == 1 else None
-        return found is not None and self._add(self.files[found])
+            others: dict[int, str] = {}
+            for names in map(self.readings, _encodings("".join(self.files))):
+                for path in (_read_as(reference, encoding) for encoding in _encodings(reference)):
+                    index = None if path is None else _find([_folded(name) for name in names], _folded(path))
+                    if index is not None:
+                        others.setdefault(index, names[index])
+            if len(others) != 1:
+                return False
+            found, reading = others.popitem()
+            if NO_UTF8.search(self.files[found]):
+                self.found.setdefault(self.files[found], reading)
+        return self._add(self.files[found])
+
+    def take(self) -> dict[str, str]:
+        """The name in the bundle of each path."""
+        names = {path: bundle_name(self.found.get(path, path)) for path in self.list}
+        return {path: name for path, name in names.items() if name is not None}
 
     def readings(self, encoding: str | None) -> list[str]:
         """All files as an encoding reads their names; none if it cannot."""
@@ -124,23 +149,25 @@ class _Names:
         return files
 
     def is_file_inside(self, name: str) -> bool:
+        """Whether it is a file that can be read and has bytes. The daemon takes no empty file."""
         try:
             real = pathlib.Path(os.path.realpath(self.folder / name, strict=True))
-            return real.is_file() and os.access(real, os.R_OK) and real.is_relative_to(self.folder.resolve())
+            return (real.is_file() and real.stat().st_size > 0 and os.access(real, os.R_OK)
+                    and real.is_relative_to(self.folder.resolve()))
         except (OSError, ValueError):
             return False
 
 
-def referenced_files(mesh: pathlib.Path) -> list[str]:
-    """Names relative to the folder of the mesh. Files that are missing or cannot be read are left out: the daemon
-    warns of them."""
+def referenced_files(mesh: pathlib.Path) -> dict[str, str]:
+    """Paths relative to the folder of the mesh, and their names in the bundle. Files that are missing, empty or cannot
+    be read are left out: the daemon warns of them."""
     find = {".obj": _of_obj, ".ply": _of_ply, ".gltf": _of_gltf, ".glb": _of_gltf,
             ".md5mesh": _of_md5}.get(mesh.suffix.lower())
     if find is None:
-        return []
+        return {}
     names = _Names(mesh.parent)
     find(mesh, names)
-    return names.list
+    return names.take()
 
 
 def _read(path: pathlib.Path) -> bytes:

@@ -34,6 +34,10 @@ CUBE = (np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np
                   [0, 6, 2], [1, 3, 7], [1, 7, 5]]))
 
 
+def paths_of(mesh):
+    return list(_references.referenced_files(mesh))
+
+
 def png_size(data):
     assert data.startswith(b"\x89PNG\r\n\x1a\n"), data[:16]
     return struct.unpack(">II", data[16:24])
@@ -368,17 +372,19 @@ class Meshes(PythonTest):
         (self.dir / "a.mtl").unlink()
         self.assertEqual([each["name"] for each in self.client.info(self.dir / "a.obj")["missing_files"]], ["a.mtl"])
 
-    def test_files_that_cannot_be_read_are_left_out(self):
+    def test_files_that_cannot_be_read_or_are_empty_are_left_out(self):
         (self.dir / "loop.mtl").symlink_to("loop.mtl")
-        (self.dir / "a.mtl").write_text("map_Kd skin.png\n")
-        (self.dir / "skin.png").touch(0o000)
+        (self.dir / "a.mtl").write_text("map_Kd skin.png\nmap_Kd empty.png\n")
+        (self.dir / "skin.png").write_bytes(b"x")
+        (self.dir / "skin.png").chmod(0)
+        (self.dir / "empty.png").touch()
         (self.dir / "a.obj").write_text("mtllib loop.mtl\nmtllib a.mtl\n")
         files = ["a.mtl"] + ["skin.png"] * (os.geteuid() == 0)  # root reads every file
-        self.assertEqual(_references.referenced_files(self.dir / "a.obj"), files)
+        self.assertEqual(paths_of(self.dir / "a.obj"), files)
 
     def test_an_md5mesh_of_a_folder_that_cannot_be_listed_is_sent_alone(self):
         with unittest.mock.patch.object(pathlib.Path, "iterdir", side_effect=PermissionError):
-            self.assertEqual(_references.referenced_files(self.fixtures / "worm/worm.md5mesh"), [])
+            self.assertEqual(paths_of(self.fixtures / "worm/worm.md5mesh"), [])
 
     def test_the_libraries_of_an_obj_are_found_without_reading_its_other_lines(self):
         (self.dir / "a.mtl").write_text("newmtl m\n")
@@ -387,11 +393,11 @@ class Meshes(PythonTest):
                                (b"\xef\xbb\xbfmtllib a.mtl", True), ("mtllib a.mtl\n".encode("utf-16"), True),
                                (b"# mtllib a.mtl\n", False), (b"xmtllib a.mtl\n", False)):
             path.write_bytes(text)
-            self.assertEqual(_references.referenced_files(path), ["a.mtl"] * is_found, text)
+            self.assertEqual(paths_of(path), ["a.mtl"] * is_found, text)
         path.write_bytes(b"mtllib a.mtl\n" + b"v 0.25 0.5 0.75\n" * 200_000)
         tracemalloc.start()
         self.addCleanup(tracemalloc.stop)
-        self.assertEqual(_references.referenced_files(path), ["a.mtl"])
+        self.assertEqual(paths_of(path), ["a.mtl"])
         self.assertLess(tracemalloc.get_traced_memory()[1], 2 * path.stat().st_size)
 
     def test_a_mesh_that_names_itself_is_sent_once(self):
@@ -426,12 +432,39 @@ class Meshes(PythonTest):
                                          b"f 1/1 2/1 3/1\n")
         self.assertEqual(self.client.info(self.dir / "a.obj")["missing_files"], [])
 
+    def test_a_file_is_sent_under_the_reading_of_its_name_that_was_found(self):
+        gbk = os.fsdecode("\u8d34\u56fe.png".encode("gbk"))
+        (self.dir / "tex").mkdir()
+        (self.dir / "tex" / gbk).write_bytes(self.client.render(CUBE, size=2, width=4, height=4))
+        (self.dir / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
+        cp437, unicode = "tex/\u2560\u2219\u2550\u255d.png", "tex/\u8d34\u56fe.png"
+        for textures, name in (("D:\\x\\\u8d34\u56fe.png", unicode), (gbk, cp437),
+                               (f"tex/{gbk}\nmap_Kd \u8d34\u56fe.PNG", unicode)):
+            (self.dir / "a.mtl").write_bytes(os.fsencode(f"newmtl m\nmap_Kd {textures}\n"))
+            self.assertEqual(_references.referenced_files(self.dir / "a.obj"), {"a.mtl": "a.mtl", f"tex/{gbk}": name})
+            self.assertEqual(self.client.info(self.dir / "a.obj")["missing_files"], [], textures)
+
+    def test_files_whose_names_no_bundle_may_have_are_left_out(self):
+        deep = "d" * 200 + "/" + "n" * 100
+        for path in ("d" * 200, os.fsdecode(b"\x95\x5c")):
+            (self.dir / path).mkdir()
+        names = (deep, "a:b.png", "1:b.png", "a\x01.png", "..\\x.png", os.fsdecode(b"\x95\x5c/y.png"), "z.png")
+        for name in names:
+            (self.dir / name).write_bytes(b"x")
+        (self.dir / "a.mtl").write_bytes(b"".join(b"map_Kd " + os.fsencode(name) + b"\n" for name in names))
+        (self.dir / "1:m.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        self.assertEqual([file.name for file in _mesh.files_of(self.dir / "1:m.obj", "")],
+                         ["mesh.obj", "a.mtl", "\u00f2/y.png", "z.png"])
+        self.assertEqual(self.client.info(self.dir / "1:m.obj")["triangles"], 1)
+        self.problem(voxeld.BadInput, "file", "1:b.png: no file of a bundle may have this name",
+                     of=lambda: self.client.info([self.sample, self.dir / "1:b.png"]))
+
     def test_a_missing_file_is_searched_in_each_encoding_only_where_a_name_is_no_utf8(self):
         path = self.dir / "a.obj"
         for text, searches_max in ((b"mtllib none.mtl\n", 4), (b"mtllib n\xf6ne.mtl\n", 24)):
             path.write_bytes(text)
             with unittest.mock.patch.object(_references, "_find", wraps=_references._find) as find:
-                self.assertEqual(_references.referenced_files(path), [])
+                self.assertEqual(paths_of(path), [])
             self.assertLessEqual(find.call_count, searches_max)
 
     def test_animations_beside_an_md5mesh_are_sent_with_it(self):
@@ -444,6 +477,10 @@ class Meshes(PythonTest):
         given = [self.dir / "worm.md5mesh", self.fixtures / "worm/walk.md5anim"]
         self.assertEqual([each["name"] for each in self.client.info(given)["animations"]], ["walk"])
         self.problem(voxeld.BadInput, "file", "need different names", of=lambda: self.client.info([*given, given[0]]))
+        (self.dir / "empty.md5anim").touch()
+        self.assertEqual(self.client.info(self.dir / "worm.md5mesh")["animations"], [])
+        given[1] = self.dir / "empty.md5anim"
+        self.problem(voxeld.BadInput, "file", "empty.md5anim: is empty", of=lambda: self.client.info(given))
 
     def test_an_asset_stands_for_its_mesh(self):
         asset = self.client.upload(self.sample)
