@@ -65,6 +65,7 @@ Source Source::stream(std::function<size_t(std::span<std::byte>)> read, std::str
 }
 
 Source Source::bundle(std::vector<Source> files) {
+  if (files.empty()) throw Error("file", 0, "a bundle without files");
   Source source;
   source.files_ = std::move(files);
   return source;

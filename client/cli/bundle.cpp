@@ -39,9 +39,6 @@ constexpr size_t kListedFilesMax = 20'000;
 constexpr size_t kHeaderBytesMax = size_t{1} << 20;
 // A stop is noticed after it while a stream is silent.
 constexpr int kStreamLookMs = 50;
-// Has a letter for every byte.
-constexpr size_t kCp437 = 6;
-static_assert(kTextEncodings[kCp437] == "CP437");
 
 // The path as the daemon takes it, read in the encoding if it is not UTF-8. nullopt if it is not
 // valid there, or if nothing that a manifest may hold is left of it.
@@ -552,7 +549,7 @@ MeshSource MeshSource::open(const std::string& input, std::span<const std::strin
   std::error_code error;
   if (fs::is_directory(mesh, error))
     throw client::Error("file", 0, input + ": is a folder, expected a mesh file");
-  if (fs::is_fifo(mesh, error)) {
+  if (pipe || fs::is_fifo(mesh, error)) {
     if (!beside.empty()) {
       throw client::Error("file", 0, input + ": a pipe cannot be sent together with other files");
     }

@@ -213,14 +213,18 @@ std::optional<NameMatch> FileNames::resolve(std::string_view reference,
   if (reference.substr(0, 5) == "data:") return std::nullopt;
   const std::string decoded = percent_decoded(reference);
   const std::string folder = folder_of(from);
+  // Where all names are UTF-8, those that were not have letters for their bytes.
+  const auto letters = [&](std::string_view path) {
+    return is_utf8_ && !is_utf8(path) ? utf8_from(kCp437, path).value_or("") : std::string(path);
+  };
   for (const std::string_view path : {reference, std::string_view(decoded)}) {
-    if (const auto found = find_path(as_written_, path, folder)) {
+    if (const auto found = find_path(as_written_, letters(path), folder)) {
       return NameMatch{*found, is_utf8(path) ? "" : "the same bytes, which are not UTF-8"};
     }
   }
   for (const std::string_view path : {reference, std::string_view(decoded)}) {
-    if (const auto found = find_last_parts(as_written_, path, folder)) {
-      return NameMatch{*found, difference(path, as_written_[*found], folder)};
+    if (const auto found = find_last_parts(as_written_, letters(path), folder)) {
+      return NameMatch{*found, difference(letters(path), as_written_[*found], folder)};
     }
   }
   return resolve_encoded(decoded, from);

@@ -14,6 +14,9 @@ inline constexpr std::string_view kTextEncodings[] = {"GBK",    "Shift-JIS", "Bi
                                                       "CP1252", "CP850",     "CP437", "CP1250",
                                                       "CP852",  "CP1251",    "CP866"};
 inline constexpr size_t kTextEncodingCount = std::size(kTextEncodings);
+// Has a letter for every byte: clients send names that are not UTF-8 as it reads them.
+inline constexpr size_t kCp437 = 6;
+static_assert(kTextEncodings[kCp437] == "CP437");
 
 // Converts text of encoding number `encoding`; nullopt if it is not valid there.
 std::optional<std::string> utf8_from(size_t encoding, std::string_view text);

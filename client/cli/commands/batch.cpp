@@ -81,7 +81,7 @@ class Batch {
   Outcome make(client::Client& daemon, const BatchFile& file) {
     Outcome outcome;
     try {
-      const MeshSource mesh = MeshSource::open(file.input);
+      const MeshSource mesh = MeshSource::open(file.input, {}, stop_);
       mesh.check_output(file.output);
       OutputFile output(file.output);
       const client::Sink sink = [&](std::span<const std::byte> piece) { output.write(piece); };

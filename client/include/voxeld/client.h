@@ -94,9 +94,9 @@ class VOXELD_CLIENT_API Source {
   // range.
   static Source mesh(const MeshVertices& vertices, const MeshIndices& triangles,
                      const MeshColors& colors = {}, std::span<const float> normals = {});
-  // A mesh and files that it names: each `filename` is a relative path, in UTF-8 and with slashes.
-  // None may be empty.
-  // They are uploaded one by one, and those that the daemon has are not sent again.
+  // A mesh and files that it names: each `filename` is a relative path, in UTF-8 and with slashes,
+  // of at most 255 bytes. None may be empty. They are uploaded one by one, with progress of each,
+  // and those that the daemon has are not sent again. Throws Error "file" without files.
   static Source bundle(std::vector<Source> files);
 
   const std::string& filename() const { return filename_; }

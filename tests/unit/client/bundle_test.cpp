@@ -361,11 +361,12 @@ std::vector<test::Asked> uploaded(const MeshSource& mesh) {
 
 TEST_F(Bundle, a_pipe_whose_writer_is_gone_before_a_server_is_found_is_read_to_its_end) {
   const std::string pipe = folder() / "pipe.obj";
-  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   for (const std::string text : {"v 0 0 0\n", ""}) {
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
     std::jthread writer([&] { std::ofstream(pipe) << text; });
     const std::shared_ptr<const int> opened = await_stream(pipe, {});
     writer.join();
+    std::filesystem::remove(pipe);
     const auto asked = uploaded(MeshSource::open(pipe, {}, {}, opened));
     ASSERT_EQ(asked.size(), 1u);
     EXPECT_EQ(asked[0].target, "/v1/assets?filename=pipe.obj");

@@ -116,6 +116,25 @@ TEST(FileNames, names_in_a_legacy_encoding_are_found_by_their_bytes_or_by_readin
                  {{"贴图.png", inside.c_str(), "read as GBK"}});
 }
 
+// As clients send them in a bundle.
+TEST(FileNames, legacy_names_that_were_read_as_cp437_are_found_by_their_bytes) {
+  const auto letters = [](const std::string& name) { return utf8_from(kCp437, name).value(); };
+  // Two characters of GBK whose bytes are one letter of CP437 in two cases.
+  const std::string lower = "\xb0\xa4.png", upper = "\xb0\xa5.png";
+  std::vector<std::string> names = {"a.obj", letters(lower), letters(upper)};
+  for (int i = 0; i < 300; ++i) names.push_back(letters("tex/" + std::to_string(i) + lower));
+  expect_matches(names, "a.obj",
+                 {{lower.c_str(), names[1].c_str(), kBytes},
+                  {upper.c_str(), names[2].c_str(), kBytes},
+                  {("D:\\me\\299" + lower).c_str(), names.back().c_str(), kPathEnd}});
+  const FileNames files(names);
+  for (int i = 0; i < 300; ++i) {
+    const auto found = files.resolve("tex/" + std::to_string(i) + lower, "a.obj");
+    ASSERT_TRUE(found) << i;
+    EXPECT_EQ(found->index, static_cast<size_t>(i) + 3);
+  }
+}
+
 TEST(FileNames, letters_of_another_unicode_form_or_case_are_found) {
   constexpr const char* kForm = "the same name in another case or Unicode form";
   // "ü" and "가" of one character and of several, as macOS has them in names of files.
