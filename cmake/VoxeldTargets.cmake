@@ -89,7 +89,7 @@ function(voxeld_test name)
   if(NOT ARG_TIMEOUT)
     # The limit is there for what hangs. Some programs wait for thousands of fsyncs, which take
     # 20 times longer on a disk that others write to.
-    set(ARG_TIMEOUT 900)
+    set(ARG_TIMEOUT 1800)
   endif()
   if(VOXELD_SANITIZE)
     # Sanitizers make programs several times slower.

@@ -232,7 +232,7 @@ class Errors(DaemonTest):
                 headers={"Content-Type": "application/vnd.voxeld.bundle+json"})
         self.provoke(post([]), 422, "malformed-bundle", "files", "1000")
         self.provoke(post([{"name": "../a.stl", "asset": mesh}]), 422, "malformed-bundle", "..")
-        self.provoke(post([{"name": "a.stl", "asset": mesh}, {"name": "A.STL", "asset": mesh}]), 422,
+        self.provoke(post([{"name": "a.stl", "asset": mesh}, {"name": "a.stl", "asset": mesh}]), 422,
                      "malformed-bundle", "distinct")
         self.provoke(post([{"name": "a.stl", "asset": nothing}]), 404, "not-found", "a.stl", nothing)
         bundle = post([{"name": "a.stl", "asset": mesh}]).json()["id"]

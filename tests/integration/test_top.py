@@ -72,7 +72,7 @@ class Top(DaemonTest):
     def setUp(self):
         asset = self.daemon.upload(self.fixtures / "sample.ply")
         self.jobs = [self.daemon.submit(kind="voxelize", asset=asset,
-                                        options={"size": 4096, "fill": "solid", "cache": "no"})
+                                        options={"size": 16384, "channels": "occupancy", "cache": "no"})
                      for _ in range(3)]
         self.daemon.wait_state(self.jobs[0], "running")
 

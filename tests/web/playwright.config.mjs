@@ -7,8 +7,8 @@ export default defineConfig({
   forbidOnly: true, // a test.only that is left over would end the others unseen
   workers: 2, // browsers, with a daemon each and a context for each test
   // These only end a test that hangs, however busy the machine is.
-  timeout: 300_000,
-  expect: { timeout: 90_000 },
+  timeout: 900_000,
+  expect: { timeout: 300_000 },
   reporter: "list",
   outputDir: "results",
   use: {

@@ -222,20 +222,20 @@ TimeSlices::Outcome TimeSlices::wait(const Task& task, MutexLock& lock, const St
         deadline != 0 && config_.deadline_now_ms && config_.deadline_now_ms() >= deadline;
     return has_passed || (stop && stop());
   };
-  if (stops()) {
-    grant_free();
-    return Outcome::kStopped;
-  }
-  task->is_waiting = true;
-  task->waits_since = ++events_;
-  grant_free();
   while (!task->is_granted) {
     if (task->has_ended || stops()) {
       task->is_waiting = false;
       grant_free();  // those who could not pass it
       return task->has_ended ? Outcome::kFenced : Outcome::kStopped;
     }
-    task->changed.wait_for(lock, kPoll);
+    // At first, and where it was taken away again before this thread saw that it was granted.
+    if (!task->is_waiting) {
+      task->is_waiting = true;
+      task->waits_since = ++events_;
+      grant_free();
+    } else {
+      task->changed.wait_for(lock, kPoll);
+    }
   }
   return Outcome::kGranted;
 }

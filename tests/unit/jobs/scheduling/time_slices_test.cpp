@@ -449,5 +449,24 @@ TEST_F(TimeSlicesTest, a_revoked_slice_is_charged_and_the_next_one_is_granted) {
   EXPECT_EQ(slices_->renew("a1", 1, {}), Outcome::kGranted);  // it has come back
 }
 
+// Mostly the thread that waits has not seen it yet.
+TEST_F(TimeSlicesTest, a_slice_that_is_taken_away_at_once_is_granted_again) {
+  begin("a1", "a");
+  begin("b1", "b");
+  for (int round = 0; round < 100; ++round) {
+    EXPECT_EQ(take("a1"), Outcome::kGranted);
+    Outcome outcome{};
+    const Stopwatch age;
+    std::thread b(
+        [&] { outcome = *slices_->take("b1", 1, {}, [&] { return age.ms() > 60'000; }); });
+    wait_asked("b1");
+    slices_->give("a1", 1);
+    slices_->take_away("b1");
+    b.join();
+    ASSERT_EQ(outcome, Outcome::kGranted);
+    slices_->give("b1", 1);
+  }
+}
+
 }  // namespace
 }  // namespace voxeld
