@@ -213,7 +213,7 @@ std::optional<NameMatch> FileNames::resolve(std::string_view reference,
   if (reference.substr(0, 5) == "data:") return std::nullopt;
   const std::string decoded = percent_decoded(reference);
   const std::string folder = folder_of(from);
-  // Where all names are UTF-8, those that were not have letters for their bytes.
+  // A bundle's names are UTF-8: one that was not has letters of CP437 for its bytes.
   const auto letters = [&](std::string_view path) {
     return is_utf8_ && !is_utf8(path) ? utf8_from(kCp437, path).value_or("") : std::string(path);
   };

@@ -374,7 +374,7 @@ std::vector<Option> selection_options() {
   };
 }
 
-// Of grids alone: an image of them is made from a grid of its own.
+// Images have none of these options: they are made from a grid of their own.
 std::vector<Option> grid_selection_options() {
   using O = OutputOptions;
   return {

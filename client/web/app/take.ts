@@ -370,7 +370,7 @@ export class Take {
     this.onNote(t(T.downloaded, { name, bytes: bytesText(blob.size) }));
   }
 
-  // What the box leaves, if the viewer shows the source; else all.
+  // The cells that the box leaves, if the viewer shows the source; else all.
   get #region(): Options {
     const { section, path, region, viewer } = this.stage,
       source = this.#input["grid"] ?? this.#source!.job.id;

@@ -143,8 +143,8 @@ Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::stri
   return read_files(std::move(rows));
 }
 
-// Those that are not plainly an asset of the tenant and no bundle, mostly none: a bundle may have
-// limits::kBundleEntriesMax files, and each submission looks at them.
+// The files that are not plainly an asset of the tenant, or are a bundle; mostly none. A bundle has
+// up to limits::kBundleEntriesMax files, and each submission looks at them.
 Result<std::vector<BundleFile>> doubtful_files(SqlConnection& connection, std::string_view tenant,
                                                std::string_view id) {
   VOXELD_ASSIGN(SqlStatement rows,
