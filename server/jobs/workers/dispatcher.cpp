@@ -18,8 +18,6 @@ constexpr int kIdlePollsPerClaim = 10;
 // If a process that should be starting does not come, one more is replaced after so long, as
 // long as a job waits for it.
 constexpr std::chrono::seconds kReplacePeriod{5};
-// A device's queue is looked at so often while all of its workers are busy.
-constexpr std::chrono::milliseconds kLookPeriod{100};
 // A worker is added where a tenant was left out for so long, and goes when nobody has needed it for
 // so long.
 constexpr std::chrono::seconds kExtraAfter{1}, kExtraKept{10};
@@ -384,19 +382,12 @@ Dispatcher::Tenants Dispatcher::tenants_of(const std::vector<QueueHead>& heads) 
 }
 
 bool Dispatcher::report(int64_t worker, const TaskProgress& progress) {
-  std::string device;
-  {
-    MutexLock lock(mutex_);
-    Worker* known = find(worker);
-    if (known == nullptr || !known->started) return false;
-    known->started->is_preemptible = progress.is_preemptible;
-    known->started->preparation_seconds = static_cast<double>(progress.preparation_ms) / 1000.0;
-    device = known->info.device;
-  }
-  choose_preempted(device);
   MutexLock lock(mutex_);
-  const Worker* known = find(worker);
-  return known != nullptr && known->started && known->started->is_asked;
+  Worker* known = find(worker);
+  if (known == nullptr || !known->started) return false;
+  known->started->is_preemptible = progress.is_preemptible;
+  known->started->preparation_seconds = static_cast<double>(progress.preparation_ms) / 1000.0;
+  return known->started->is_asked;
 }
 
 bool Dispatcher::was_asked(int64_t worker) const {
@@ -405,14 +396,21 @@ bool Dispatcher::was_asked(int64_t worker) const {
   return known != nullptr && known->was_asked;
 }
 
-// A tenant without a worker gets one where a slot is free on any device.
-bool Dispatcher::is_time_to_look(const std::string& device) {
-  MutexLock lock(mutex_);
-  const auto now = Clock::now();
-  auto& looked_at = looked_at_[device];
-  if (now - looked_at < kLookPeriod) return false;
-  looked_at = now;
-  return !is_free_slot_left();
+void Dispatcher::look_who_waits() {
+  if (!config_.is_fair) return;
+  std::set<std::string> devices;
+  {
+    MutexLock lock(mutex_);
+    // A tenant without a worker gets one where a slot is free on any device.
+    if (is_free_slot_left()) return;
+    for (const auto& [number, worker] : workers_) {
+      if (worker.started) devices.insert(worker.info.device);
+    }
+  }
+  if (devices.empty()) return;
+  const auto heads = context_.jobs.queue_heads();
+  if (!heads) return;  // claims tell of it
+  for (const std::string& device : devices) choose_preempted(device, *heads);
 }
 
 // The jobs that workers of the device have, with what is known of them now.
@@ -432,16 +430,13 @@ std::vector<Dispatcher::Worker*> Dispatcher::busy_workers(const std::string& dev
 }
 
 // Asks the started jobs of the device whose workers other tenants need more.
-void Dispatcher::choose_preempted(const std::string& device) {
-  if (!config_.is_fair || !is_time_to_look(device)) return;
-  const auto heads = context_.jobs.queue_heads();
-  if (!heads) return;  // claims tell of it
-  context_.slices.set_queued(device, tenants_of(*heads));
+void Dispatcher::choose_preempted(const std::string& device, const std::vector<QueueHead>& heads) {
+  context_.slices.set_queued(device, tenants_of(heads));
   std::vector<StartedJob> started;
   MutexLock lock(mutex_);
   const std::vector<Worker*> busy = busy_workers(device, started);
   const PreemptionView view{
-      *heads,
+      heads,
       started,
       [&](const std::string& tenant) { return context_.slices.share(device, tenant); },
       [&](const std::string& tenant) {

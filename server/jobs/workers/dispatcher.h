@@ -54,11 +54,14 @@ class Dispatcher {
   // The worker's task has ended; its process keeps these inputs and grids of the tenant in caches.
   void end_task(int64_t worker, const std::string& tenant, std::vector<std::string> cached)
       EXCLUDES(mutex_);
-  // Takes a report of the worker's task. True: the task is to be preempted.
+  // Takes a report of the worker's task. True: the task is to be preempted, by the last look.
   bool report(int64_t worker, const TaskProgress& progress) EXCLUDES(mutex_);
   // Whether its task was ever asked to be preempted, even if nobody waits any more.
   bool was_asked(int64_t worker) const EXCLUDES(mutex_);
   std::string tenant_of(int64_t worker) const EXCLUDES(mutex_);  // of its task; empty: none
+  // Looks which tenants wait while all workers are busy: some of these are to give up their tasks,
+  // or the device gets one more. Called several times a second, whatever workers report.
+  void look_who_waits() EXCLUDES(mutex_);
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -130,8 +133,8 @@ class Dispatcher {
   void replace(const std::vector<int64_t>& workers) EXCLUDES(mutex_);
 
   // --- preemption
-  bool is_time_to_look(const std::string& device) EXCLUDES(mutex_);
-  void choose_preempted(const std::string& device) EXCLUDES(mutex_);
+  void choose_preempted(const std::string& device, const std::vector<QueueHead>& heads)
+      EXCLUDES(mutex_);
   // --- extra workers
   int extra_of(const std::string& device) const REQUIRES(mutex_);
   void set_extra(const std::string& device, int workers) REQUIRES(mutex_);
@@ -154,9 +157,7 @@ class Dispatcher {
   mutable Mutex mutex_;
   CondVar work_;
   uint64_t work_epoch_ GUARDED_BY(mutex_) = 0;
-  std::map<int64_t, Worker> workers_ GUARDED_BY(mutex_);  // by number
-  // By device: when its busy workers have last looked who waits.
-  std::map<std::string, Clock::time_point> looked_at_ GUARDED_BY(mutex_);
+  std::map<int64_t, Worker> workers_ GUARDED_BY(mutex_);   // by number
   std::map<std::string, Extra> extra_ GUARDED_BY(mutex_);  // by device
   int64_t tasks_ended_ GUARDED_BY(mutex_) = 0;
 };

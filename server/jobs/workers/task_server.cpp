@@ -152,6 +152,7 @@ void TaskServer::join_ended(bool all) {
 WorkerWatch::Calls TaskServer::watch_calls() {
   return {[this] {
             context_.slices.charge_cpu();
+            dispatcher_.look_who_waits();
             return watched();
           },
           [this](const WatchedWorker& worker, int64_t bytes) { measured(worker, bytes); },

@@ -130,18 +130,21 @@ TEST_F(SliceServerTest, a_worker_that_a_job_ends_is_charged_to_its_tenant) {
 class SliceMemoryTest : public SliceServerTest {
  protected:
   SliceMemoryTest() { memory_bytes_max_ = 8'000'000'000; }
+  // The second worker leaves its job, as if others had taken it so much memory.
+  void displace(const Task& task, int64_t bytes) {
+    two_.reset();
+    EXPECT_TRUE(testing::comes_true([&] { return get(task.id).state == JobState::kQueued; }));
+    auto rows =
+        SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
+    ASSERT_TRUE(rows);
+    ASSERT_TRUE(rows->run("UPDATE jobs SET displaced_bytes = $2 WHERE id = $1", task.id, bytes));
+  }
 };
 
 TEST_F(SliceMemoryTest, a_displaced_job_starts_again_once_what_it_took_fits_beside_the_others) {
   FakeSlices one = connect_slices();
   EXPECT_TRUE(one.ask(first_, SliceAction::kTake, 5'000'000'000).granted);
-  two_.reset();
-  EXPECT_TRUE(testing::comes_true([&] { return get(second_.id).state == JobState::kQueued; }));
-  auto rows =
-      SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
-  ASSERT_TRUE(rows);
-  ASSERT_TRUE(rows->run("UPDATE jobs SET displaced_bytes = $2 WHERE id = $1", second_.id,
-                        int64_t{4'000'000'000}));
+  displace(second_, 4'000'000'000);
   FakeWorker next = connect();
   std::optional<Task> again;
   std::thread claim([&] { again = next.claim(); });
@@ -153,6 +156,26 @@ TEST_F(SliceMemoryTest, a_displaced_job_starts_again_once_what_it_took_fits_besi
   ASSERT_TRUE(again);
   EXPECT_EQ(again->id, second_.id);
   EXPECT_TRUE(next.complete(*again, "y"));
+}
+
+// Neither worker reports: one has its slice, the other one has not even got its task.
+TEST_F(SliceMemoryTest, a_tenant_is_not_left_out_while_workers_wait_for_memory) {
+  FakeSlices one = connect_slices();
+  EXPECT_TRUE(one.ask(first_, SliceAction::kTake, 5'000'000'000).granted);
+  displace(second_, 4'000'000'000);
+  FakeWorker next = connect();
+  std::thread claim([&] { next.claim(); });
+  wait_until_waiting(second_);
+  submit_as("c", "third mesh");
+  std::string log;
+  EXPECT_TRUE(testing::comes_true([&] {
+    ::testing::internal::CaptureStderr();
+    std::this_thread::sleep_for(milliseconds(100));
+    log += ::testing::internal::GetCapturedStderr();
+    return log.find("extra=1") != std::string::npos;
+  })) << log;
+  EXPECT_TRUE(one_->complete(first_, "x"));
+  claim.join();
 }
 
 constexpr milliseconds kShortSilence{500};
