@@ -86,7 +86,12 @@ Exchange::Step Exchange::advance() {
 }
 
 Reply Exchange::handle() {
-  if (bad_head_) return Response::problem(*bad_head_, "");
+  if (bad_head_) {
+    Response response = Response::problem(*bad_head_, "");
+    // Of a head, its coding alone: with other reasons the header is forbidden (RFC 9110, 12.5.3).
+    if (response.status == 415) response.headers["Accept-Encoding"] = "gzip, zstd";
+    return response;
+  }
   if (is_refused_) {
     return Response::problem(
         {ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""},

@@ -74,7 +74,6 @@ Response Response::problem(const Error& error, std::string_view instance,
                            body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   response.headers["Content-Type"] = "application/problem+json";
   if (response.status == 401) response.headers["WWW-Authenticate"] = "Bearer realm=\"voxeld\"";
-  if (response.status == 415) response.headers["Accept-Encoding"] = "gzip, zstd";
   if (response.status == 503 || response.status == 429) response.headers["Retry-After"] = "2";
   return response;
 }

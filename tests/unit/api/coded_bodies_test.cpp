@@ -36,6 +36,9 @@ TEST_F(CodedBodies, an_invalid_coded_body_is_refused_with_the_reason) {
   const HttpResponse other = request("POST", "/v1/assets", "Content-Encoding: br\r\n", "x");
   EXPECT_EQ(other.status, 415);
   EXPECT_EQ(other.header("accept-encoding"), "gzip, zstd");
+  const HttpResponse text = request("POST", "/v1/jobs", "Content-Type: text/plain\r\n", "x");
+  EXPECT_EQ(text.status, 415);
+  EXPECT_EQ(text.header("accept-encoding"), "");
   EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip, zstd\r\n", "x").status, 415);
   EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip\r\n", "x").status, 400);
   const std::string bomb = gzip(std::string(size_t{2} << 20, ' '));
