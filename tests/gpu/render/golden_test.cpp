@@ -10,6 +10,7 @@
 
 #include "tests/gpu/render/test_grids.h"
 #include "tests/gpu/render/test_renderer.h"
+#include "tests/source_dir.h"
 
 namespace voxeld {
 namespace {
@@ -21,8 +22,8 @@ constexpr int kGoldenLevelMax = 96;
 // off by 1% of full brightness exceeds it. Mesa's three software drivers give 0.
 constexpr double kMeanMax = 0.3;
 
-const std::filesystem::path kGoldenDir = VOXELD_GOLDEN_DIR;
-const std::filesystem::path kOutDir = VOXELD_GOLDEN_OUT;
+// In the working directory, which ctest sets to a folder of the build.
+const std::filesystem::path kOutDir = "golden";
 
 std::optional<RenderImage> read_image(const std::filesystem::path& path) {
   const auto input = OIIO::ImageInput::open(path.string());
@@ -50,7 +51,8 @@ void write_image(const std::filesystem::path& path, const RenderImage& image) {
 }
 
 void expect_golden(const std::string& name, const RenderImage& actual) {
-  const std::filesystem::path golden_path = kGoldenDir / (name + ".png");
+  const std::filesystem::path golden_path =
+      test::source_dir() / "tests/gpu/render/golden" / (name + ".png");
   const char* update = std::getenv("VOXELD_UPDATE_GOLDEN");
   if (update != nullptr && std::string_view(update) == "1") {
     write_image(golden_path, actual);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "proto/options/table.h"
+#include "tests/source_dir.h"
 
 namespace voxeld::test {
 namespace {
@@ -25,7 +27,10 @@ namespace {
 using Lines = std::vector<std::string>;
 using Words = std::vector<std::string_view>;
 
-constexpr const char* kHeader = VOXELD_SOURCE_DIR "/client/include/voxeld/options.h";
+std::filesystem::path header_path() {
+  return source_dir() / "client/include/voxeld/options.h";
+}
+
 constexpr size_t kColumns = 100;
 
 constexpr std::pair<OptionGroup, const char*> kGroups[] = {
@@ -205,8 +210,8 @@ Lines setters() {
 }
 
 std::string read_header() {
-  std::ifstream file(kHeader);
-  EXPECT_TRUE(file) << kHeader;
+  std::ifstream file(header_path());
+  EXPECT_TRUE(file) << header_path();
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
@@ -241,7 +246,7 @@ TEST(OptionsHeader, has_every_option_of_the_table) {
   const std::string expected = renewed(header);
   if (header == expected) return;
   if (std::getenv("VOXELD_RENEW") != nullptr) {
-    std::ofstream(kHeader) << expected;
+    std::ofstream(header_path()) << expected;
     return;
   }
   std::istringstream left(header), right(expected);
@@ -253,7 +258,7 @@ TEST(OptionsHeader, has_every_option_of_the_table) {
     std::getline(right, wanted);
     ++number;
   } while (got == wanted);
-  ADD_FAILURE() << kHeader << " line " << number
+  ADD_FAILURE() << header_path() << " line " << number
                 << " is not what the table of options gives.\nis:    " << got
                 << "\ntable: " << wanted
                 << "\nVOXELD_RENEW=1 unit_client --gtest_filter='OptionsHeader.*' writes it anew.";

@@ -12,6 +12,7 @@
 
 #include "server/gpu/shader_source.h"
 #include "shaders/embedded.h"
+#include "tests/source_dir.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld::gpu {
@@ -23,8 +24,9 @@ struct Variant {
 };
 
 std::vector<Variant> read_variants() {
-  std::ifstream table(VOXELD_SHADER_DIR "/variants.txt");
-  EXPECT_TRUE(table.good()) << VOXELD_SHADER_DIR "/variants.txt";
+  const auto path = test::source_dir() / "shaders/variants.txt";
+  std::ifstream table(path);
+  EXPECT_TRUE(table.good()) << path;
   std::vector<Variant> variants;
   for (std::string line; std::getline(table, line);) {
     std::istringstream words(line);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "proto/options/options.h"
+#include "tests/source_dir.h"
 
 namespace voxeld {
 namespace {
@@ -67,7 +68,7 @@ TEST(CanonicalOptions, random_requests_give_the_recorded_text) {
                                                      {"render", OptionScope::kRenderMesh},
                                                      {"render-grid", OptionScope::kRenderGrid},
                                                      {"export", OptionScope::kExport}};
-  const std::string path = VOXELD_SOURCE_DIR "/tests/unit/proto/options/canonical.txt";
+  const auto path = test::source_dir() / "tests/unit/proto/options/canonical.txt";
   std::ifstream file(path);
   std::string renewed;
   const bool renews = std::getenv("VOXELD_RENEW") != nullptr;

@@ -16,6 +16,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -28,6 +29,7 @@
 #include "proto/options/values.h"
 #include "proto/output_format.h"
 #include "proto/version.h"
+#include "tests/source_dir.h"
 
 namespace voxeld {
 namespace {
@@ -35,7 +37,7 @@ namespace {
 using Json = nlohmann::json;
 using Lines = std::vector<std::string>;
 
-constexpr std::pair<OptionScope, const char*> kScopes[] = {
+constexpr std::pair<OptionScope, const char*> kScopeNames[] = {
     {OptionScope::kVoxelize, "voxelize"},
     {OptionScope::kRenderMesh, "render"},
     {OptionScope::kRenderGrid, "render of a grid or sequence"},
@@ -65,9 +67,9 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 }
 
 std::string scope_names(const Option& option) {
-  if (option.scopes.size() == std::size(kScopes)) return "every request";
+  if (option.scopes.size() == std::size(kScopeNames)) return "every request";
   std::string names;
-  for (const auto& [scope, name] : kScopes) {
+  for (const auto& [scope, name] : kScopeNames) {
     if (option.applies_to(scope)) names += (names.empty() ? "" : ", ") + std::string(name);
   }
   return names;
@@ -77,7 +79,7 @@ std::string scope_names(const Option& option) {
 std::string scope_note(const Option& option, const Option& first) {
   std::string more;
   bool is_less = false;
-  for (const auto& [scope, name] : kScopes) {
+  for (const auto& [scope, name] : kScopeNames) {
     is_less = is_less || (first.applies_to(scope) && !option.applies_to(scope));
     if (!option.applies_to(scope) || first.applies_to(scope)) continue;
     more += (more.empty() ? "" : ", ") + std::string(name);
@@ -289,7 +291,7 @@ Lines members(const std::string& scope_name) {
     const auto is_named = [&](const auto& scope) {
       return scope.second == scope_name && option.applies_to(scope.first);
     };
-    if (!std::ranges::any_of(kScopes, is_named)) continue;
+    if (!std::ranges::any_of(kScopeNames, is_named)) continue;
     lines.push_back(std::string(option.name) + ": {$ref: \"#/components/schemas/" +
                     schema_name(option) + "\"}");
   }
@@ -312,7 +314,7 @@ Lines echoed() {
 
 // Whether a scope, a group or an option of this name has the option.
 bool has(const std::string& name, const Option& option) {
-  for (const auto& [scope, text] : kScopes) {
+  for (const auto& [scope, text] : kScopeNames) {
     if (text == name && option.applies_to(scope)) return true;
   }
   for (const auto& [group, text] : kGroups) {
@@ -374,7 +376,7 @@ Lines part(const std::string& marker) {
   return references(words);
 }
 
-std::string read_file(const std::string& path) {
+std::string read_file(const std::filesystem::path& path) {
   std::ifstream file(path);
   EXPECT_TRUE(file) << path;
   return {std::istreambuf_iterator<char>(file), {}};
@@ -411,7 +413,7 @@ std::pair<std::string, int> renewed(const std::string& document) {
 }
 
 void expect_current(const std::string& name, int parts) {
-  const std::string path = VOXELD_SOURCE_DIR "/" + name;
+  const std::filesystem::path path = test::source_dir() / name;
   const std::string document = read_file(path);
   const auto [expected, count] = renewed(document);
   EXPECT_EQ(count, parts) << name;
