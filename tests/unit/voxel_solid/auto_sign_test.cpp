@@ -227,7 +227,7 @@ TEST(AutoSign, coverage_of_cells_that_no_triangle_touches_is_all_or_none) {
 
 TEST(AutoSign, a_cancel_ends_it) {
   const Scene open = cracked(bowl(), 2e-2, 4);
-  const VoxelizeOptions options = of_size(Sign::kAuto, 200);
+  const VoxelizeOptions options = of_size(Sign::kAuto, 100);
   Voxelizer voxelizer(nullptr, 2);
   int calls = 0;
   const auto count = [&](int64_t, int64_t) {
