@@ -327,9 +327,8 @@ class Tenants(unittest.TestCase):
     # --- admin
 
     def test_an_admin_sees_and_cancels_jobs_of_other_tenants(self):
-        asset = self.studio.upload(self.fixtures / "sample.glb")
-        job = self.studio.submit(kind="voxelize", asset=asset,
-                                 options={"size": 16384, "channels": "occupancy", "cache": "no"})
+        asset = self.studio.upload(self.fixtures / "sheets.obj")
+        job = self.studio.submit(kind="voxelize", asset=asset, options=GIANT)
         self.assertEqual(self.boss.get(f"/v1/jobs/{job}").status, 200)
         self.assertEqual(self.boss.cancel(job)["state"], "cancelled")
         image = self.boss.get(f"/v1/grids/{self.things['grid']}/render.png?width=16&height=16")
