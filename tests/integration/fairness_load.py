@@ -23,6 +23,11 @@ class Contention(TenantsDaemon):
         return self.tenants[tenant].submit(kind="voxelize", asset=self.assets[tenant],
                                            options=options, **job)
 
+    def submit_endless(self, tenant, **job):
+        """A giant job that outlasts a test on any machine."""
+        asset = self.tenants[tenant].upload(self.fixtures / "sheets.obj")
+        return self.tenants[tenant].submit(kind="voxelize", asset=asset, options=GIANT, **job)
+
     def status(self, tenant, job):
         return self.tenants[tenant].get(f"/v1/jobs/{job}").json()
 

@@ -8,10 +8,13 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import time
 import unittest
 import zipfile
 
 from harness import BIN, HANG_SECONDS, DaemonTest, wait_until
+
+CANCEL_SECONDS = 10  # voxel waits no longer for the response to a cancellation
 
 
 class CliFiles(DaemonTest):
@@ -171,11 +174,11 @@ class CliFiles(DaemonTest):
         self.interrupt(signal.SIGHUP, "a")
 
     def interrupt(self, number, letters):
-        meshes = [self.dir / f"{letter}.ply" for letter in letters]
+        meshes = [self.dir / f"{letter}.obj" for letter in letters]
         for mesh in meshes:
-            shutil.copy(self.fixtures / "sample.ply", mesh)
+            shutil.copy(self.fixtures / "sheets.obj", mesh)
         out = self.dir / "out"
-        slow = ["--size", "16384", "--channels", "occupancy,normal", "--cache", "no"]
+        slow = ["--size", "16384", "--channels", "occupancy", "--cache", "no"]
 
         def states():
             """The state of each job, by its id."""
@@ -184,19 +187,25 @@ class CliFiles(DaemonTest):
 
         def jobs(*wanted):
             return [job for job, state in states().items() if state in wanted]
-        before = states()
-        process = subprocess.Popen([BIN / "voxel", *meshes, "--out-dir", out, *slow],
-                                   env=self.environment, stdin=subprocess.DEVNULL,
-                                   stderr=subprocess.PIPE, text=True)
-        try:
-            wait_until(lambda: jobs("running"), states)
-            process.send_signal(number)
-            _, stderr = process.communicate(timeout=HANG_SECONDS)
-        finally:
-            process.kill()
-        self.assertEqual(process.returncode, 130, stderr)
-        self.assertEqual(stderr.splitlines()[-1], "voxel: stopped by the caller")
-        self.assertEqual(list(out.iterdir()), [])
+        for is_last in (False, False, True):
+            before = states()
+            process = subprocess.Popen([BIN / "voxel", *meshes, "--out-dir", out, *slow],
+                                       env=self.environment, stdin=subprocess.DEVNULL,
+                                       stderr=subprocess.PIPE, text=True)
+            try:
+                wait_until(lambda: jobs("running"), states)
+                begin = time.monotonic()
+                process.send_signal(number)
+                _, stderr = process.communicate(timeout=HANG_SECONDS)
+            finally:
+                process.kill()
+            self.assertEqual(process.returncode, 130, stderr)
+            self.assertEqual(stderr.splitlines()[-1], "voxel: stopped by the caller")
+            self.assertEqual(list(out.iterdir()), [])
+            if is_last or time.monotonic() - begin < CANCEL_SECONDS:
+                break
+            for job in jobs("running", "queued"):
+                self.daemon.cancel(job)
         wait_until(lambda: not jobs("running", "queued"), states)
         self.assertEqual({state for job, state in states().items() if job not in before}, {"cancelled"})
 

@@ -27,7 +27,7 @@ def assert_no_process(pid):
 
 
 class SlowDownload:
-    """A GET of which nothing is read yet but the head."""
+    """A GET of which nothing is read at first but the head."""
 
     def __init__(self, port, path):
         self.socket = socket.socket()
@@ -40,15 +40,20 @@ class SlowDownload:
         self.response.begin()
         assert self.response.status == 200, self.response.status
         self.bytes = int(self.response.headers["Content-Length"])
+        self.begun = b""
+
+    def read_some(self):
+        """So much that the daemon, which ends a download that stands still, sends more."""
+        self.begun += self.response.read(1 << 20)
 
     def read(self):
         """All of it, or what came before the connection ended."""
         try:
-            return self.response.read()
+            return self.begun + self.response.read()
         except http.client.IncompleteRead as cut:
-            return cut.partial
+            return self.begun + cut.partial
         except ConnectionResetError:
-            return b""
+            return self.begun
 
     def close(self):
         self.response.close()
@@ -102,6 +107,7 @@ class Drain(DrainTest):
         self.assertEqual(json.loads(persistent.getresponse().read())["state"], "done")
         daemon.process.send_signal(signal.SIGTERM)
         self.wait_draining(daemon)
+        download.read_some()
 
         work = {"kind": "voxelize", "asset": "sha256-" + "0" * 64}
         self.assert_refused(daemon.post("/v1/jobs", work))
@@ -110,12 +116,14 @@ class Drain(DrainTest):
         raw = persistent.getresponse()
         self.assertEqual((raw.status, raw.headers["Connection"]), (503, "close"))
         raw.read()
+        download.read_some()
         # An image would be work; what is there already is not.
         status = daemon.get(f"/v1/jobs/{job}")
         self.assertEqual((status.status, status.headers["Connection"]), (200, "close"))
         grid = status.json()["result"]["grid"]
         self.assert_refused(daemon.get(f"/v1/grids/{grid}/render.png?width=64&height=64"))
         self.assertEqual(daemon.get(path).body, whole)
+        download.read_some()
         self.assertEqual(daemon.request("DELETE", f"/v1/jobs/{job}").status, 200)
         admin = {name: daemon.request("GET", name, port=daemon.admin_port)
                  for name in ("/livez", "/readyz", "/metrics")}
@@ -141,6 +149,7 @@ class Drain(DrainTest):
                 self.assertTrue(workers)
                 daemon.process.send_signal(signal.SIGTERM)
                 self.wait_draining(daemon)
+                download.read_some()
                 self.assertEqual(daemon.get(f"/v1/jobs/{job}").status, 200, "it waits for the download")
                 daemon.process.send_signal(second)
                 self.assert_gone(daemon, -second)

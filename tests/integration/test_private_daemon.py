@@ -13,7 +13,7 @@ import tempfile
 import time
 import unittest
 
-from fairness_load import LONG
+from fairness_load import GIANT
 from harness import BIN, HANG_SECONDS, Daemon, make_fixtures, wait_until
 
 DEFAULT_PORT = 8080
@@ -198,6 +198,17 @@ class PrivateDaemon(unittest.TestCase):
         self.assertIn("a private voxeld has a URL of its own", both.stderr)
         self.assertEqual(self.daemons(), [])
 
+    def opened(self, pipe, reader):
+        """The pipe, once the process reads it."""
+        def descriptor():
+            if reader.poll() is not None:
+                self.fail(f"it ended with {reader.returncode}: {reader.stderr.read()}")
+            with contextlib.suppress(OSError):  # ENXIO: nobody reads it yet
+                return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        writer = open(wait_until(descriptor, "voxel opens the pipe"), "wb")
+        os.set_blocking(writer.fileno(), True)
+        return writer
+
     def test_it_is_started_when_the_mesh_of_a_pipe_comes(self):
         pipe = self.dir / "pipe.ply"
         os.mkfifo(pipe)
@@ -206,12 +217,8 @@ class PrivateDaemon(unittest.TestCase):
         self.addCleanup(process.communicate)
         self.addCleanup(process.kill)
 
-        def opened():
-            with contextlib.suppress(OSError):  # ENXIO: nobody reads it yet
-                return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
-        with open(wait_until(opened, "voxel opens the pipe"), "wb") as writer:
+        with self.opened(pipe, process) as writer:
             self.assertEqual(self.daemons(), [])
-            os.set_blocking(writer.fileno(), True)
             writer.write(self.mesh.read_bytes())
         self.assertEqual(process.wait(HANG_SECONDS), 0, process.stderr)
         self.assertTrue((self.dir / "a.vox").read_bytes().startswith(b"VOX "))
@@ -223,8 +230,9 @@ class PrivateDaemon(unittest.TestCase):
             with self.subTest(data), subprocess.Popen(
                     self.command(pipe, "-o", self.dir / "a.vox", "--size", 16, "--local"), env=self.environment,
                     stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
-                pipe.write_bytes(data)
                 try:
+                    with self.opened(pipe, process) as writer:
+                        writer.write(data)
                     _, stderr = process.communicate(timeout=HANG_SECONDS)
                 finally:
                     process.kill()
@@ -288,8 +296,8 @@ class IdleDaemon(IdleDaemonTest):
         make_fixtures(self.dir / "fixtures")
         first = Daemon(device="cpu", data_dir=str(self.data))
         self.addCleanup(first.process.kill)
-        asset = first.upload(self.dir / "fixtures/sample.ply")
-        jobs = [first.submit(kind="voxelize", asset=asset, options=LONG) for _ in range(4)]
+        asset = first.upload(self.dir / "fixtures/sheets.obj")
+        jobs = [first.submit(kind="voxelize", asset=asset, options=GIANT) for _ in range(4)]
         first.wait_state(jobs[0], "running")
         first.kill_gateway()
         self.start(1)  # it has jobs from the start

@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 import unittest
 
+from fairness_load import GIANT
 from harness import BIN, HANG_SECONDS, Daemon, make_fixtures, wait_until
 
 NO_ID = "sha256-" + "0" * 64
@@ -187,10 +188,8 @@ class Tenants(unittest.TestCase):
             self.assertFalse({item["job"] for item in behind} & {item["job"] for item in ours})
 
     def test_the_queue_shows_ones_own_jobs_and_how_many_others_have(self):
-        asset = self.lab.upload(self.fixtures / "sample.ply")
-        jobs = [self.lab.submit(kind="voxelize", asset=asset,
-                                options={"size": 4096, "fill": "solid", "cache": "no"})
-                for _ in range(3)]
+        asset = self.lab.upload(self.fixtures / "sheets.obj")
+        jobs = [self.lab.submit(kind="voxelize", asset=asset, options=GIANT) for _ in range(3)]
         try:
             self.lab.wait_state(jobs[0], "running")
             lab, studio, boss = (one.get("/v1/queue").json()
@@ -328,9 +327,8 @@ class Tenants(unittest.TestCase):
     # --- admin
 
     def test_an_admin_sees_and_cancels_jobs_of_other_tenants(self):
-        asset = self.studio.upload(self.fixtures / "sample.glb")
-        job = self.studio.submit(kind="voxelize", asset=asset,
-                                 options={"size": 16384, "channels": "occupancy", "cache": "no"})
+        asset = self.studio.upload(self.fixtures / "sheets.obj")
+        job = self.studio.submit(kind="voxelize", asset=asset, options=GIANT)
         self.assertEqual(self.boss.get(f"/v1/jobs/{job}").status, 200)
         self.assertEqual(self.boss.cancel(job)["state"], "cancelled")
         image = self.boss.get(f"/v1/grids/{self.things['grid']}/render.png?width=16&height=16")

@@ -1,13 +1,22 @@
 // Runs that are superseded, cancelled or left, and what is deleted.
+import { writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { daemon, drop, expect, fixtures, LONG, resize, shown, test, told } from "./page.mjs";
+
+/** A mesh of 500 squares in nearly one place: its largest grid takes minutes on any machine, a small one no time. */
+function sheets() {
+  const path = join(fixtures, "sheets.obj");
+  const square = z => `v 0 0 ${z}\nv 1 0 ${z}\nv 0 1 ${z}\nv 1 1 ${z}\nf -4 -3 -2\nf -2 -3 -1\n`;
+  writeFileSync(path, Array.from({ length: 500 }, (_, i) => square(i / 1e6)).join(""));
+  return path;
+}
 
 /** Starts a run that takes longer than its test, and waits until its preview is over. */
 async function startLongRun(page) {
   await page.goto(daemon.url);
-  await drop(page, join(fixtures, "sample.ply"));
+  await drop(page, sheets());
   await shown(page, 256);
-  await resize(page, 8192);
+  await resize(page, 16384);
   await page.click("#run");
   await expect(page.locator("#job")).toHaveText(/^(Voxelizing|Waiting)/); // behind the preview
   await expect(page.locator("#card-take button.primary")).toBeDisabled(); // it is of the grid before
@@ -48,12 +57,12 @@ test("a job of a superseded setting is cancelled, and cancel ends the last", asy
   await startLongRun(page);
   await expect(page.locator("#cancel")).toBeVisible();
   await expect(page.locator("#price")).toContainText("memory");
-  await resize(page, 8000);
+  await resize(page, 16000);
   await expect
     .poll(async () =>
       (await daemon.json("/v1/jobs?state=cancelled")).jobs.map(job => job.options?.size),
     )
-    .toContain(8192);
+    .toContain(16384);
   await page.click("#run");
   await page.click("#cancel");
   await expect(page.locator("#job")).toHaveText("Cancelled.");
@@ -67,7 +76,7 @@ test("a preview that is superseded is cancelled, known to the page or not", asyn
     const body = route.request().postDataJSON();
     if (body?.options?.size !== 128 || body.priority !== 10) return await route.continue();
     const response = await route.fetch({
-      postData: JSON.stringify({ ...body, options: { ...body.options, size: 8192 } }),
+      postData: JSON.stringify({ ...body, options: { ...body.options, size: 16384 } }),
       timeout: 0,
     });
     previews.push((await response.json()).id);
@@ -81,7 +90,7 @@ test("a preview that is superseded is cancelled, known to the page or not", asyn
   const cancelled = async () =>
     (await daemon.json("/v1/jobs?state=cancelled&limit=100")).jobs.map(job => job.id);
   await page.goto(daemon.url);
-  await drop(page, join(fixtures, "sample.ply"));
+  await drop(page, sheets());
   await resize(page, 64);
   await shown(page, 64);
   await start(3000);
@@ -235,7 +244,7 @@ test("delete waits until the job that runs is cancelled", async ({ page }) => {
     await route.fulfill({ response });
   });
   await page.click("#delete");
-  await told(page, "sample and its results are deleted");
+  await told(page, "sheets and its results are deleted");
   expect(steps.slice(0, 2)).toEqual(["cancelled", "delete"]);
 });
 

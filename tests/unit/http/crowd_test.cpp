@@ -26,14 +26,21 @@ class CrowdTest : public HttpServerTest {
 TEST_F(CrowdTest, idle_and_slow_connections_hold_no_thread) {
   start(/*threads=*/1);
   std::vector<HttpClient> clients;
-  for (int i = 0; i < 150; ++i) {
-    clients.emplace_back(port());
-    const std::string beginnings[] = {
-        "", "GET /hello HTTP/1.1\r\nHos",
-        "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 9\r\n\r\nab"};
-    ASSERT_TRUE(clients.back().send(beginnings[i % 3]));
-  }
-  ASSERT_TRUE(comes_true([&] { return server_->state().connections == 150; }));
+  // Once more where the test stood still until the server has closed those with half a head.
+  ASSERT_TRUE(comes_true([&] {
+    clients.clear();
+    for (int i = 0; i < 150; ++i) {
+      clients.emplace_back(port());
+      const std::string beginnings[] = {
+          "", "GET /hello HTTP/1.1\r\nHos",
+          "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 9\r\n\r\nab"};
+      if (!clients.back().send(beginnings[i % 3])) return false;
+    }
+    while (server_->state().connections != 150) {
+      if (clients[1].readable(0.002)) return false;  // the first of them
+    }
+    return true;
+  }));
   EXPECT_EQ(get("/hello").body, "hello");
   ASSERT_TRUE(clients[2].send("cdefghi"));
   EXPECT_EQ(clients[2].receive().value_or(HttpResponse{}).body, "abcdefghi");
