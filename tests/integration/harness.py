@@ -56,6 +56,15 @@ def wait_until(condition, what, seconds=HANG_SECONDS):
     return value
 
 
+def until_met(sizes, attempt):
+    """The first true value of attempt(size): false where a job ended before the test acted; a larger one lasts longer.
+    """
+    for size in sizes:
+        if value := attempt(size):
+            return value
+    raise AssertionError(f"none of the sizes {sizes} lasted long enough")
+
+
 @functools.cache  # reading it takes longer than the daemon's start
 def specification():
     """openapi.yaml as openapi.json has it: statuses are texts."""
@@ -229,6 +238,9 @@ class Daemon:
             if status["state"] in ("done", "failed", "cancelled"):
                 return status
             assert time.monotonic() < deadline, status
+
+    def has_ended(self, job):
+        return self.get(f"/v1/jobs/{job}").json()["ended_ms"] > 0
 
     def cancel(self, job):
         """Cancels a job and returns how it ended, also where that was before."""

@@ -5,11 +5,12 @@ import signal
 import tempfile
 import unittest
 
-from harness import HANG_SECONDS, Daemon, DaemonTest, wait_until
+from harness import HANG_SECONDS, Daemon, DaemonTest, until_met, wait_until
 from test_private_daemon import has_ended
 
+LONG = {"channels": "occupancy,color,normal", "cache": "no"}
 # Long enough on a software driver that a signal meets it in the middle.
-LONG = {"size": 1500, "channels": "occupancy,color,normal", "cache": "no"}
+LONG_SIZES = (1500, 3000, 6000)
 
 
 class WorkerKilled(DaemonTest):
@@ -18,17 +19,18 @@ class WorkerKilled(DaemonTest):
         super().setUpClass()
         cls.asset = cls.daemon.upload(cls.fixtures / "sample.glb")
 
-    def submit_and_wait_running(self, **options):
-        job = self.daemon.submit(kind="voxelize", asset=self.asset, options={**LONG, **options})
-        self.daemon.wait_state(job, "running")
-        return job
+    def submit(self, size):
+        return self.daemon.submit(kind="voxelize", asset=self.asset, options={**LONG, "size": size})
 
     def kill_worker_of(self, job):
-        def pid():
+        """None: the job has ended before."""
+        def pid_or_end():
             workers = self.daemon.request("GET", "/readyz", port=self.daemon.admin_port).json()["workers"]
-            return next((worker["pid"] for worker in workers if worker["connected"] and worker["task"] == job), None)
-        killed = wait_until(pid, f"a worker has {job}")
-        os.kill(killed, signal.SIGKILL)
+            pids = [worker["pid"] for worker in workers if worker["connected"] and worker["task"] == job]
+            return pids or self.daemon.has_ended(job) and [None]
+        killed = wait_until(pid_or_end, f"a worker has {job}")[0]
+        if killed:
+            os.kill(killed, signal.SIGKILL)
         return killed
 
     def wait_for_attempt(self, job, attempt):
@@ -39,16 +41,19 @@ class WorkerKilled(DaemonTest):
         wait_until(is_reached, f"attempt {attempt}")
 
     def test_a_job_survives_the_death_of_its_worker(self):
-        job = self.submit_and_wait_running(padding=1)
-        killed = self.kill_worker_of(job)
-        self.assertEqual(self.daemon.get("/v1/jobs?limit=1").status, 200)  # it keeps responding
-        status = self.daemon.wait(job, 300)
-        self.assertEqual(status["state"], "done", status)
+        def survived(size):
+            job = self.submit(size)
+            killed = self.kill_worker_of(job)
+            self.assertEqual(self.daemon.get("/v1/jobs?limit=1").status, 200)  # it keeps responding
+            status = self.daemon.wait(job, 300)
+            self.assertEqual(status["state"], "done", status)
+            return status["attempt"] > 1 and (killed, status)
+        killed, status = until_met(LONG_SIZES, survived)
         self.assertEqual(status["attempt"], 2)
         self.assertNotEqual(self.daemon.worker_pid(), killed)
 
     def test_a_job_that_ends_three_workers_fails_with_that_reason(self):
-        job = self.submit_and_wait_running(padding=2)
+        job = self.submit(16384)  # it does not have to end
         for attempt in (1, 2, 3):
             self.wait_for_attempt(job, attempt)
             self.kill_worker_of(job)
@@ -71,18 +76,20 @@ class GatewayKilled(DaemonTest):
         daemon = Daemon(data_dir=directory)
         try:
             asset = daemon.upload(self.fixtures / "sample.glb")
-            jobs = [daemon.submit(kind="voxelize", asset=asset,
-                                  options={**LONG, "size": 1200, "padding": 3})]
-            jobs += [daemon.submit(kind="voxelize", asset=asset, options={"size": 20 + i})
-                     for i in range(5)]
-            daemon.wait_state(jobs[0], "running")
-            worker = daemon.worker_pid()
-            self.assertTrue(worker)
-            daemon.kill_gateway()
-            wait_until(lambda: has_ended(worker), "the worker ends with the gateway")
-            daemon.start()
-            for job in jobs:
-                self.assertEqual(daemon.wait(job, 300)["state"], "done")
+
+            def survived(size):
+                large, small = {**LONG, "size": size}, [{"size": 20 + i, "cache": "no"} for i in range(5)]
+                jobs = [daemon.submit(kind="voxelize", asset=asset, options=options) for options in (large, *small)]
+                begun_ms = wait_until(lambda: daemon.get(f"/v1/jobs/{jobs[0]}").json()["started_ms"], "it begins")
+                worker = daemon.worker_pid()
+                self.assertTrue(worker)
+                daemon.kill_gateway()
+                wait_until(lambda: has_ended(worker), "the worker ends with the gateway")
+                daemon.start()
+                ends = [daemon.wait(job, 300) for job in jobs]
+                self.assertEqual({status["state"] for status in ends}, {"done"}, ends)
+                return ends[0]["started_ms"] != begun_ms
+            until_met((1200, 3000, 6000), survived)
         finally:
             daemon.stop()
             shutil.rmtree(directory)

@@ -9,6 +9,7 @@ import tempfile
 import unittest
 
 from harness import BIN, DEVICES, Daemon, DaemonTest, make_fixtures, wait_until
+from test_cancel import lattice
 
 
 def status_lines(path, *names):
@@ -81,9 +82,10 @@ class ShutIn(unittest.TestCase):
     def test_bytes_below_45_folders_count_towards_a_workers_limit_and_go_with_it(self):
         daemon = Daemon(device="cpu", arguments=["--worker-scratch-max", "20M", "--workers-per-device", "1"])
         try:
-            asset = daemon.upload(self.fixtures / "sample.ply")
+            # Takes minutes, and writes nothing before its end.
+            asset = daemon.post("/v1/assets?filename=lattice.ply", lattice(28)).json()["id"]
             job = daemon.submit(kind="voxelize", asset=asset, options={
-                "size": 16384, "channels": "occupancy", "cache": "no"})
+                "size": 512, "fill": "solid", "sign": "winding", "cache": "no"})
             daemon.wait_state(job, "running")
             scratch = pathlib.Path(daemon.data_dir, "run/scratch")
             folder, = scratch.iterdir()

@@ -7,13 +7,14 @@ import unittest
 
 import numpy as np
 
-from harness import ROOT, Daemon, DaemonTest
+from harness import ROOT, Daemon, DaemonTest, until_met
 
 sys.path.insert(0, str(ROOT / "docs"))
 import read_grid  # noqa: E402
 
-# Some hundred tiles.
-LARGE = {"size": 1600, "channels": "occupancy,color", "cache": "no"}
+LARGE = {"channels": "occupancy,color", "cache": "no"}
+# From some hundred tiles on.
+LARGE_SIZES = (1600, 3200, 4800)
 
 
 class JobTiles(DaemonTest):
@@ -66,10 +67,11 @@ class JobTiles(DaemonTest):
         return read_grid.read_grid((daemon or self.daemon).get(f"/v1/grids/{status['result']['grid']}").body)
 
     def test_all_tiles_together_are_the_grid_cell_by_cell(self):
-        job = self.submit(**LARGE, padding=1)
-        containers, states = self.follow(job)
-        self.assertIn("running", states)
-        self.assertGreater(len(containers), 4)
+        def followed(size):
+            job = self.submit(**LARGE, size=size, padding=1)
+            containers, states = self.follow(job)
+            return "running" in states and len(containers) > 4 and (job, containers)
+        job, containers = until_met(LARGE_SIZES, followed)
         grid = self.grid_of(job)
         self.assert_union(containers, grid)
         # The same from the stored grid, for a client that comes late.
@@ -81,17 +83,23 @@ class JobTiles(DaemonTest):
         daemon = Daemon(device="cpu", arguments=self.arguments)
         try:
             daemon.upload(self.fixtures / "sample.glb")
-            killed = []
 
-            def after_each(containers):
-                if len(containers) == 3 and not killed:
-                    killed.append(daemon.kill_worker())
-                if len(containers) == 5 and len(killed) == 1:
-                    killed.append(daemon.kill_gateway())
-                    daemon.start()
-            job = self.submit(daemon, **LARGE, padding=2)
-            containers, _ = self.follow(job, daemon, after_each)
-            self.assertEqual(len(killed), 2)
+            def interrupted(size):
+                job = self.submit(daemon, **LARGE, size=size, padding=2)
+                begun_ms = []
+
+                def after_each(containers):
+                    if len(containers) == 3:
+                        daemon.kill_worker()
+                    if len(containers) == 5:
+                        begun_ms.append(daemon.get(f"/v1/jobs/{job}").json()["started_ms"])
+                        daemon.kill_gateway()
+                        daemon.start()
+                containers, _ = self.follow(job, daemon, after_each)
+                # Begun again after the second death.
+                was_in_time = begun_ms and daemon.wait(job)["started_ms"] != begun_ms[0]
+                return was_in_time and (job, containers)
+            job, containers = until_met(LARGE_SIZES, interrupted)
             self.assert_union(containers, self.grid_of(job, daemon))
         finally:
             daemon.stop()
@@ -111,7 +119,7 @@ class JobTiles(DaemonTest):
         self.assert_union(containers, self.grid_of(job))
 
     def test_a_cancelled_job_has_no_tiles(self):
-        job = self.submit(size=16384, channels="occupancy", cache="no")
+        job = self.submit(**LARGE, size=16384)
         while (response := self.tiles(job, wait=60)).status == 202:
             pass
         self.assertEqual(response.status, 200)

@@ -90,7 +90,7 @@ class Jobs(DaemonTest):
 
     def test_cancel_takes_effect_within_a_tile(self):
         job = self.daemon.submit(kind="voxelize", asset=self.asset,
-                                 options={"size": 16384, "channels": "occupancy", "cache": "no"})
+                                 options={"size": 16384, "channels": "occupancy,color,normal", "cache": "no"})
 
         def has_tiles():
             status = self.daemon.get(f"/v1/jobs/{job}").json()

@@ -4,7 +4,7 @@ import os
 import re
 import unittest
 
-from fairness_load import GIANT, SMALL, Contention
+from fairness_load import LONG, SMALL, Contention
 from harness import wait_until
 
 TWO_WORKERS = ("--workers-per-device", "2")
@@ -32,7 +32,7 @@ class PreemptionTest(unittest.TestCase):
         return wait_until(preempted_or_ended, lambda: self.load.status(name, job))["preempted"] > 0
 
     def submit_giants(self, tenants):
-        return {name: self.load.submit(name, GIANT) for name in tenants}
+        return {name: self.load.submit(name, LONG) for name in tenants}
 
     def until_preempted(self, options, sizes=MEDIUM_SIZES):
         """A job of tenant a that was preempted, its options, and the giants of b and c for which it was. The job is the
@@ -107,7 +107,7 @@ class Ends(PreemptionTest):
         self.assertEqual(status["result"]["blob"], whole["result"]["blob"])
 
     def test_by_a_cancel_in_the_queue(self):
-        job, _, giants = self.until_preempted(GIANT, [GIANT["size"]])
+        job, _, giants = self.until_preempted(LONG, [LONG["size"]])
         wait_until(lambda: self.load.status("a", job)["state"] == "queued", lambda: self.load.status("a", job))
         self.load.cancel("a", job)
         self.assertEqual(self.load.tenants["a"].wait(job)["state"], "cancelled")

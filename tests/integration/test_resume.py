@@ -3,11 +3,13 @@ import os
 import re
 import unittest
 
-from harness import HANG_SECONDS, Daemon, DaemonTest, wait_until
+from harness import HANG_SECONDS, Daemon, DaemonTest, until_met, wait_until
 
-# Some hundred tiles.
-LARGE = {"size": 3000, "channels": "occupancy,color", "cache": "no"}
-GIANT = {**LARGE, "size": 9000}
+LARGE = {"channels": "occupancy,color", "cache": "no"}
+# From some hundred tiles on.
+LARGE_SIZES = (3000, 6000, 8000)
+# Minutes: it is cancelled.
+GIANT = {**LARGE, "size": 16384}
 
 
 class Resume(DaemonTest):
@@ -30,24 +32,28 @@ class Resume(DaemonTest):
             return [int(n) for n in re.findall(
                 rf"goes on after an earlier attempt job={job} steps_done=(\d+)", log.read())]
 
-    def whole(self, daemon, **options):
-        status = daemon.wait(daemon.submit(kind="voxelize", asset=self.asset,
-                                           options={**LARGE, **options}))
-        self.assertEqual(status["state"], "done", status)
-        return status["result"]
-
-    def check(self, daemon, interrupt, **options):
-        job = daemon.submit(kind="voxelize", asset=self.asset, options={**LARGE, **options})
-        wait_until(lambda: len(self.parts(daemon, job)) >= 4, "four parts")
-        interrupt()
+    def done(self, daemon, job):
         status = daemon.wait(job)
         self.assertEqual(status["state"], "done", status)
-        steps = self.started_after(daemon, job)
+        return status
+
+    def check(self, daemon, interrupt, **options):
+        def interrupted(size):
+            sized = {**LARGE, **options, "size": size}
+            job = daemon.submit(kind="voxelize", asset=self.asset, options=sized)
+            wait_until(lambda: len(self.parts(daemon, job)) >= 4 or daemon.has_ended(job), "four parts")
+            begun_ms = daemon.get(f"/v1/jobs/{job}").json()["started_ms"]
+            interrupt()
+            status = self.done(daemon, job)
+            return status["started_ms"] != begun_ms and (sized, status)
+        options, status = until_met(LARGE_SIZES, interrupted)
+        steps = self.started_after(daemon, status["id"])
         self.assertEqual(len(steps), 1)
         self.assertGreaterEqual(steps[0], 4)
-        wait_until(lambda: not self.parts(daemon, job), "the parts go with the job")
+        wait_until(lambda: not self.parts(daemon, status["id"]), "the parts go with the job")
         # The container that an uninterrupted job leaves, byte by byte.
-        self.assertEqual(status["result"]["grid"], self.whole(daemon, **options)["grid"])
+        whole = self.done(daemon, daemon.submit(kind="voxelize", asset=self.asset, options=options))
+        self.assertEqual(status["result"]["grid"], whole["result"]["grid"])
 
     def test_after_the_death_of_its_worker(self):
         self.check(self.daemon, self.daemon.kill_worker, padding=1)
@@ -65,7 +71,7 @@ class Resume(DaemonTest):
             daemon.stop()
 
     def test_a_cancelled_job_leaves_no_parts(self):
-        job = self.daemon.submit(kind="voxelize", asset=self.asset, options={**LARGE, "padding": 3})
+        job = self.daemon.submit(kind="voxelize", asset=self.asset, options=GIANT)
         wait_until(lambda: self.parts(self.daemon, job), "a part")
         self.daemon.request("DELETE", f"/v1/jobs/{job}")
         self.assertEqual(self.daemon.wait(job)["state"], "cancelled")
@@ -76,21 +82,24 @@ class Resume(DaemonTest):
         return float(re.search(r"^voxeld_frames_done_total (\S+)$", metrics, re.M)[1])
 
     def test_frames_that_are_listed_are_not_made_again(self):
-        options = {"animation": "walk", "size": 700, "fps": 60, "cache": "no"}
-        made_before = self.frames_made()
-        job = self.daemon.submit(kind="voxelize", asset=self.worm, options=options)
-
-        def grids():
+        def grids(job):
             return [f["grid"] for f in self.daemon.get(f"/v1/jobs/{job}/frames").json()["frames"]]
-        wait_until(lambda: len(grids()) >= 3, grids)
-        self.daemon.kill_worker()
-        before = grids()
-        status = self.daemon.wait(job)
-        self.assertEqual((status["state"], status["attempt"]), ("done", 2), status)
-        self.assertEqual(grids()[:len(before)], before)
+
+        def interrupted(fps):
+            options = {"animation": "walk", "size": 700, "fps": fps, "cache": "no"}
+            made_before = self.frames_made()
+            job = self.daemon.submit(kind="voxelize", asset=self.worm, options=options)
+            wait_until(lambda: len(grids(job)) >= 3, lambda: grids(job))
+            self.daemon.kill_worker()
+            before = grids(job)
+            status = self.done(self.daemon, job)
+            return status["attempt"] > 1 and (options, before, status, self.frames_made() - made_before)
+        options, before, status, made = until_met((60, 240, 960), interrupted)
+        self.assertEqual(status["attempt"], 2, status)
+        self.assertEqual(grids(status["id"])[:len(before)], before)
         # The last frame is made in any case.
-        self.assertLessEqual(self.frames_made() - made_before, status["frames_total"] + 1)
-        again = self.daemon.wait(self.daemon.submit(kind="voxelize", asset=self.worm, options=options))
+        self.assertLessEqual(made, status["frames_total"] + 1)
+        again = self.done(self.daemon, self.daemon.submit(kind="voxelize", asset=self.worm, options=options))
         self.assertEqual(again["result"]["sequence"], status["result"]["sequence"])
         self.assertEqual(again["result"]["blob"], status["result"]["blob"])
 
