@@ -146,10 +146,12 @@ test("a table keeps the focus while its rows change, and shows more of them", LO
 
 test("a mesh of several tenants has a row for each of them", async ({ page }) => {
   const row = (id, filename) => ({ id: `sha256-${id}`, filename, bytes: 1, created_ms: 0 });
-  let assets = [row("a", "twin.ply"), row("a", "twin.ply"), row("a", "other.ply"), row("b", "b.ply")];
+  const before = [row("a", "twin.ply"), row("a", "twin.ply"), row("a", "other.ply"), row("b", "b.ply")];
+  const after = [row("a", "other.ply"), row("a", "twin.ply"), row("a", "twin.ply"), row("a", "twin.ply")];
+  let assets = before;
   await page.route("**/v1/assets?*", route => route.fulfill({ json: { assets } }));
   await page.route("**/v1/assets/*", async route => {
-    assets = [row("a", "other.ply"), row("a", "twin.ply"), row("a", "twin.ply"), row("a", "twin.ply")];
+    assets = after;
     await route.fulfill({ json: {} });
   });
   await page.goto(`${daemon.url}/admin`);
@@ -157,12 +159,11 @@ test("a mesh of several tenants has a row for each of them", async ({ page }) =>
   const names = of => of.map(one => one.filename);
   const buttons = () =>
     rows.getByRole("button").evaluateAll(all => all.map(one => one.ariaLabel.replace("Delete: ", "")));
-  await expect(rows.locator("td:first-child")).toHaveText(names(assets));
-  expect(await buttons()).toEqual(names(assets));
+  await expect(rows.locator("td:first-child")).toHaveText(names(before));
+  expect(await buttons()).toEqual(names(before));
   await page.click('button[aria-label="Delete: b.ply"]');
-  await expect(rows.locator("td:first-child")).toHaveText(names(assets));
-  expect(names(assets)[0]).toBe("other.ply");
-  expect(await buttons()).toEqual(names(assets));
+  await expect(rows.locator("td:first-child")).toHaveText(names(after));
+  expect(await buttons()).toEqual(names(after));
 });
 
 test.describe("with keys", () => {
