@@ -8,9 +8,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/folders.h"
 #include "tests/gpu/render/test_grids.h"
 #include "tests/gpu/render/test_renderer.h"
-#include "tests/source_dir.h"
 
 namespace voxeld {
 namespace {

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "proto/options/table.h"
-#include "tests/source_dir.h"
+#include "tests/folders.h"
 
 namespace voxeld::test {
 namespace {

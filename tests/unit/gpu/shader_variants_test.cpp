@@ -12,7 +12,7 @@
 
 #include "server/gpu/shader_source.h"
 #include "shaders/embedded.h"
-#include "tests/source_dir.h"
+#include "tests/folders.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld::gpu {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "server/jobs/scheduling/slots.h"
+#include "tests/folders.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -202,7 +203,7 @@ class IsolatedProcesses : public ::testing::Test {
     JobServiceConfig config;
     config.data_dir = dir_.path() / "data";
     config.devices = {"llvmpipe"};
-    config.worker_executable = VOXELD_JOBS_HELPER;
+    config.worker_executable = test::program_dir() / "unit_jobs_helper";
     config.workers_per_device = workers;
     config.isolation = [isolation] { return isolation; };
     service_ = start_job_service(config, registry_).value();

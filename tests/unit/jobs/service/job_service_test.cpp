@@ -9,6 +9,7 @@
 #include <chrono>
 #include <string>
 
+#include "tests/folders.h"
 #include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/wait_job.h"
@@ -26,7 +27,7 @@ class JobServiceTest : public ::testing::Test {
     JobServiceConfig config;
     config.data_dir = dir_.path() / "data";
     config.devices = devices;
-    config.worker_executable = VOXELD_JOBS_HELPER;
+    config.worker_executable = test::program_dir() / "unit_jobs_helper";
     config.limits = limits_;
     auto service = start_job_service(config, std::make_shared<prometheus::Registry>());
     ASSERT_TRUE(service) << service.error().message();

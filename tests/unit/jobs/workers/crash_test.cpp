@@ -12,6 +12,7 @@
 
 #include "server/jobs/service/job_service.h"
 #include "server/process/child_process.h"
+#include "tests/folders.h"
 #include "tests/unit/base/comes_true.h"
 #include "tests/unit/base/temporary_dir.h"
 
@@ -51,8 +52,8 @@ TEST_F(CrashTest, no_acknowledged_job_is_lost) {
     ASSERT_TRUE(writer->append(bytes));
     asset = service->put_asset(Caller::open(), writer->finish().value(), "a.ply", "").value().id;
   }
-  const std::string command = std::string("exec ") + VOXELD_JOBS_HELPER + " submit " +
-                              (dir_.path() / "data").string() + " " + asset + " >> " +
+  const std::string command = "exec " + (test::program_dir() / "unit_jobs_helper").string() +
+                              " submit " + (dir_.path() / "data").string() + " " + asset + " >> " +
                               (dir_.path() / "acknowledged").string();
   size_t before = 0;
   for (int i = 0; i < kKills; ++i) {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "proto/options/options.h"
-#include "tests/source_dir.h"
+#include "tests/folders.h"
 
 namespace voxeld {
 namespace {

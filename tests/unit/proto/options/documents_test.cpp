@@ -29,7 +29,7 @@
 #include "proto/options/values.h"
 #include "proto/output_format.h"
 #include "proto/version.h"
-#include "tests/source_dir.h"
+#include "tests/folders.h"
 
 namespace voxeld {
 namespace {
