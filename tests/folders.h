@@ -7,7 +7,7 @@
 namespace voxeld::test {
 
 std::filesystem::path source_dir();
-// Of the program that runs, and of those that were built with it.
+// The folder of the program that runs, and of those that were built with it.
 std::filesystem::path program_dir();
 
 }  // namespace voxeld::test

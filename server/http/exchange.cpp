@@ -88,7 +88,7 @@ Exchange::Step Exchange::advance() {
 Reply Exchange::handle() {
   if (bad_head_) {
     Response response = Response::problem(*bad_head_, "");
-    // Of a head, its coding alone: with other reasons the header is forbidden (RFC 9110, 12.5.3).
+    // A head gets 415 for its coding alone. Other reasons forbid the header (RFC 9110, 12.5.3).
     if (response.status == 415) response.headers["Accept-Encoding"] = "gzip, zstd";
     return response;
   }
