@@ -70,7 +70,7 @@ class Top(DaemonTest):
     arguments = ("--workers-per-device", "1")
 
     def setUp(self):
-        asset = self.daemon.upload(self.fixtures / "sample.ply")
+        asset = self.daemon.upload(self.fixtures / "sheets.obj")
         self.jobs = [self.daemon.submit(kind="voxelize", asset=asset,
                                         options={"size": 16384, "channels": "occupancy", "cache": "no"})
                      for _ in range(3)]

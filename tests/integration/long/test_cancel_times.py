@@ -4,7 +4,7 @@ import signal
 import time
 import unittest
 
-from fairness_load import GIANT, SMALL, Contention
+from fairness_load import SMALL, Contention
 from harness import DaemonTest, wait_until
 from test_cancel import CancelLoad
 
@@ -30,7 +30,7 @@ class CancelTimes(DaemonTest):
 class HungWorker(unittest.TestCase):
     def test_its_slice_goes_to_others_and_it_continues_with_the_next(self):
         with Contention({"a": 1, "b": 1}) as load:
-            giant = load.submit("a", GIANT)
+            giant = load.submit_endless("a")
             load.wait_for_device("a", giant)
             ready = load.daemon.request("GET", "/readyz", port=load.daemon.admin_port).json()
             worker = next(worker["pid"] for worker in ready["workers"] if worker["task"] == giant)

@@ -3,7 +3,7 @@ measures."""
 import time
 import unittest
 
-from fairness_load import GIANT, Contention, shares
+from fairness_load import Contention, shares
 
 END_SECONDS_MAX = 10
 
@@ -22,7 +22,7 @@ class Ends(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.load = Contention({"a": 1, "b": 1})
-        giants = [cls.load.submit("a", GIANT) for _ in range(3)]
+        giants = [cls.load.submit_endless("a") for _ in range(3)]
         cls.load.wait_for_device("a", giants[0])
 
     @classmethod
@@ -30,7 +30,7 @@ class Ends(unittest.TestCase):
         cls.load.close()
 
     def test_a_cancel_reaches_a_job_that_waits_for_its_slice(self):
-        job = self.load.submit("b", GIANT)
+        job = self.load.submit_endless("b")
         self.load.wait_for_device("b", job)
         self.load.cancel("b", job)
         started = time.monotonic()
@@ -38,7 +38,7 @@ class Ends(unittest.TestCase):
         self.assertLess(time.monotonic() - started, END_SECONDS_MAX)
 
     def test_a_deadline_ends_a_job_at_work(self):
-        job = self.load.submit("b", GIANT, deadline_ms=1500)
+        job = self.load.submit_endless("b", deadline_ms=1500)
         status = self.load.tenants["b"].wait(job)
         self.assertEqual((status["error"]["code"], status["attempt"]), ("deadline-exceeded", 1), status)
         self.assertLess(status["ended_ms"] - status["created_ms"], 1000 * END_SECONDS_MAX)
