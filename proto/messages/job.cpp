@@ -127,12 +127,6 @@ Json job_estimate_json(const JobEstimate& estimate) {
   return fields_json<Json>(estimate);
 }
 
-Result<JobStatus> parse_job_status(const Json& body) {
-  JobStatus status;
-  VOXELD_TRY(read_fields(body, status));
-  return status;
-}
-
 Json problem_json(const Error& error, std::string_view instance) {
   const ErrorCodeInfo& info = info_of(error.code);
   Json out = fields_json<Json>(error);
@@ -141,12 +135,6 @@ Json problem_json(const Error& error, std::string_view instance) {
   out["status"] = info.http_status;
   if (!instance.empty()) out["instance"] = instance;
   return out;
-}
-
-Error parse_problem(const Json& body) {
-  Error error;
-  (void)read_value(body, error);  // never fails
-  return error;
 }
 
 Status check_texts(const JobRequest& request) {

@@ -132,12 +132,9 @@ Status check_urgency(const JobRequest& request);
 // Part of parse_job_request(). Errors: invalid-option.
 Status check_frame_options(const JobRequest& request);
 nlohmann::json job_estimate_json(const JobEstimate& estimate);
-Result<JobStatus> parse_job_status(const nlohmann::json& body);
 
 // application/problem+json, RFC 9457: type, title, status, code, detail, expected, got, instance.
 nlohmann::json problem_json(const Error& error, std::string_view instance);
-// The error of a problem document. Any other body gives `internal` with its text.
-Error parse_problem(const nlohmann::json& body);
 
 // Parses JSON with a cap on depth and size, and without duplicate keys. nlohmann's copy and dump
 // recurse, so deep input would overflow the stack. Errors: bad-request, payload-too-large.

@@ -52,32 +52,10 @@ struct CodeName {
   }
 };
 
-// A member of the struct that is the text of a JSON object, and that object in JSON. It is shown,
-// never acted on, so any value is taken.
-template <typename Text>
+// A member of the struct that is the text of a JSON object, and that object in JSON.
 struct ObjectText {
-  explicit ObjectText(Text& member) : text(member) {}
-  Text& text;
-
-  Status read(const nlohmann::json& json) {
-    text = json.dump();
-    return {};
-  }
-};
-
-// Timings as an object, {"parse": 1.5}, for people; entries that are no numbers are left out.
-template <typename Times>
-struct TimingsObject {
-  explicit TimingsObject(Times& member) : timings(member) {}
-  Times& timings;
-
-  Status read(const nlohmann::json& json) {
-    if (!json.is_object()) return {};
-    for (const auto& [stage, ms] : json.items()) {
-      if (ms.is_number()) timings.emplace_back(stage, ms.template get<double>());
-    }
-    return {};
-  }
+  explicit ObjectText(const std::string& member) : text(member) {}
+  const std::string& text;
 };
 
 void visit_fields(IsA<Error> auto& error, auto& visit) {
@@ -116,7 +94,7 @@ void visit_fields(IsA<JobEstimate> auto& estimate, auto& visit) {
   visit(kUnlessDefault, "overrun", estimate.overrun);
 }
 
-void visit_fields(IsA<JobResult> auto& result, auto& visit) {
+void visit_fields(const JobResult& result, auto& visit) {
   visit(kOptional, "blob", result.blob);
   visit(kOptional, "bytes", result.bytes);
   visit(kOptional, "media_type", result.media_type);
@@ -129,7 +107,7 @@ void visit_fields(IsA<JobResult> auto& result, auto& visit) {
 
 // The members of a status that change as the job goes on, and the others: job_text.h writes each
 // part alone.
-void visit_changing_fields(IsA<JobStatus> auto& status, auto& visit) {
+void visit_changing_fields(const JobStatus& status, auto& visit) {
   visit(kOptional, "id", status.id);
   visit(kRequired, "kind", status.kind);
   visit(kRequired, "state", status.state);
@@ -154,20 +132,15 @@ void visit_changing_fields(IsA<JobStatus> auto& status, auto& visit) {
   visit(kOptional, "filename", status.filename);
   visit(kOptional, "stage", status.stage);
   visit(kOptional, "waiting_for", status.waiting_for);
-  visit(kOptional, "timings", TimingsObject{status.timings});
+  visit(kOptional, "timings", status.timings);
   visit(kOptional, "error", status.error);
   visit(kOptional, "estimate", status.estimate);
   visit(kUnlessDefault, "expected_start_ms", status.expected_start_ms);
   visit(kUnlessDefault, "expected_end_ms", status.expected_end_ms);
 }
-void visit_fixed_fields(IsA<JobStatus> auto& status, auto& visit) {
+void visit_fixed_fields(const JobStatus& status, auto& visit) {
   visit(kOptional, "options", ObjectText{status.options_json});
   visit(kOptional, "result", status.result);
-}
-void visit_fields(IsA<JobStatus> auto& status, auto& visit) {
-  visit.name("job");
-  visit_changing_fields(status, visit);
-  visit_fixed_fields(status, visit);
 }
 
 }  // namespace voxeld

@@ -84,7 +84,7 @@ class StatusWriter {
     json_.member(name, info_of(of.code).name);
   }
   // The text of a JSON object cannot be cut: a longer one is omitted.
-  void write(const char* name, const ObjectText<const std::string>& of) {
+  void write(const char* name, const ObjectText& of) {
     const bool is_row = bytes_max_ == limits::kRowTextBytesMax;
     if (of.text.size() > bytes_max_ || (is_row && of.text.empty())) {
       return left_out_.push_back(name);
@@ -92,11 +92,11 @@ class StatusWriter {
     json_.key(name).raw(object_text(of.text));
   }
   // Timings that are too many for a row are omitted.
-  void write(const char* name, const TimingsObject<const StageTimes>& of) {
+  void write(const char* name, const StageTimes& times) {
     std::string timings;
     JsonWriter json(timings);
     json.begin_object();
-    for (const auto& [stage, ms] : of.timings) json.member(stage, ms);
+    for (const auto& [stage, ms] : times) json.member(stage, ms);
     json.end_object();
     json_.key(name).raw(timings.size() > bytes_max_ ? "{}" : std::string_view(timings));
   }

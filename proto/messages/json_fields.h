@@ -173,7 +173,8 @@ Status read_value(const nlohmann::json& json, double& value);
 Status read_value(const nlohmann::json& json, bool& value);
 Status read_value(const nlohmann::json& json, std::vector<std::string>& value);
 Status read_value(const nlohmann::json& json, StageTimes& value);
-Status read_value(const nlohmann::json& json, Error& value);  // never fails: see parse_problem()
+// Never fails: what is no problem document becomes `internal` with its text.
+Status read_value(const nlohmann::json& json, Error& value);
 
 template <typename T>
 Status read_member(const nlohmann::json& from, T& value, Unlisted unlisted) {

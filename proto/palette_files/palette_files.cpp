@@ -75,10 +75,6 @@ std::string palette_files::shown(std::string_view text) {
   return echoed(printable);
 }
 
-std::span<const std::string_view> palette_extensions() {
-  return kExtensions;
-}
-
 Result<std::vector<PaletteColor>> read_palette(std::span<const uint8_t> bytes,
                                                std::string_view filename) {
   FileColors colors(filename);

@@ -26,9 +26,6 @@ namespace voxeld {
 // A larger file is no palette; it is refused before it is read.
 inline constexpr size_t kPaletteFileBytesMax = size_t{4} << 20;
 
-// The extensions that are read: ".gpl", ....
-std::span<const std::string_view> palette_extensions();
-
 // Reads the colours of a file in its order, without repeated ones: at least one, at most
 // kPaletteColorsMax. Of an image with a palette these are its entries, of another image its colours
 // by rows from the top. Entries and pixels with alpha 0 are skipped. `filename` chooses formats

@@ -14,7 +14,6 @@
 #define CAPABILITY(x) VOXELD_TSA(capability(x))
 #define SCOPED_CAPABILITY VOXELD_TSA(scoped_lockable)
 #define GUARDED_BY(x) VOXELD_TSA(guarded_by(x))
-#define PT_GUARDED_BY(x) VOXELD_TSA(pt_guarded_by(x))
 #define REQUIRES(...) VOXELD_TSA(requires_capability(__VA_ARGS__))
 #define EXCLUDES(...) VOXELD_TSA(locks_excluded(__VA_ARGS__))
 #define ACQUIRE(...) VOXELD_TSA(acquire_capability(__VA_ARGS__))

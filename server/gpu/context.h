@@ -36,9 +36,6 @@ class Context {
   // Needed only if one thread holds several contexts. Errors: device-unavailable.
   virtual Status make_current() const = 0;
 
-  // True if VOXELD_GL_DEBUG=1 in the environment; driver messages then go to the log.
-  bool is_debug() const { return is_debug_; }
-
   // Checks for a GL error: aborts (CHECK) in debug contexts, otherwise returns internal or
   // device-unavailable with the error's name and `where`. A reset of the device is one, too, also
   // if no call reports it. Call it at the end of a pass, not after every call. A context that was
@@ -55,7 +52,7 @@ class Context {
 
   GlApi gl_{};
   DeviceInfo info_;
-  bool is_debug_ = false;
+  bool is_debug_ = false;  // VOXELD_GL_DEBUG=1 in the environment: driver messages go to the log
 
  private:
   enum class MemorySource { kNone, kNvx, kAti };

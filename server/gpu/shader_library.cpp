@@ -149,7 +149,8 @@ Result<uint32_t> ShaderLibrary::link(const std::vector<ShaderStage>& stages,
   return driver_error(name + " does not link on " + context_->info().renderer, log);
 }
 
-Result<const Program*> ShaderLibrary::get(std::vector<ShaderStage> stages, const Defines& given) {
+Result<const Program*> ShaderLibrary::get(const std::vector<ShaderStage>& stages,
+                                          const Defines& given) {
   Defines defines = given;
   const auto is_no_int64 = [](const auto& define) { return define.first == kNoInt64Define; };
   if (!context_->info().has_int64 && std::ranges::none_of(defines, is_no_int64)) {
@@ -157,25 +158,12 @@ Result<const Program*> ShaderLibrary::get(std::vector<ShaderStage> stages, const
   }
   const std::string name = program_name(stages, defines);
   if (const auto found = programs_.find(name); found != programs_.end()) {
-    return static_cast<const Program*>(found->second.program.get());
+    return static_cast<const Program*>(&found->second);
   }
   VOXELD_ASSIGN(const uint32_t id, link(stages, defines));
-  auto program = std::make_unique<Program>(*context_, id);
+  Program program(*context_, id);
   VOXELD_TRY(context_->check("building " + name));
-  const Program* pointer = program.get();
-  programs_[name] = Entry{std::move(stages), defines, std::move(program)};
-  return pointer;
-}
-
-Status ShaderLibrary::reload() {
-  std::map<std::string, Program> built;
-  for (const auto& [name, entry] : programs_) {
-    VOXELD_ASSIGN(const uint32_t id, link(entry.stages, entry.defines));
-    built[name] = Program(*context_, id);
-  }
-  VOXELD_TRY(context_->check("reloading shaders"));
-  for (auto& [name, program] : built) *programs_[name].program = std::move(program);
-  return {};
+  return static_cast<const Program*>(&programs_.emplace(name, std::move(program)).first->second);
 }
 
 }  // namespace voxeld::gpu

@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <map>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -51,12 +50,7 @@ class ShaderLibrary {
   // (shader_source.h) is added on devices without 64-bit integers. The pointer stays valid as long
   // as the library. Errors: internal with the driver's log, its line numbers mapped back to
   // "raymarch/dda.glsl:17".
-  Result<const Program*> get(std::vector<ShaderStage> stages, const Defines& defines = {});
-
-  // Rebuilds every program from the current sources. The new programs are used only if all of them
-  // build, so a mistake in a shader under edit leaves the old ones in place. Pointers from get()
-  // stay valid. Call between jobs. Errors: as get().
-  Status reload();
+  Result<const Program*> get(const std::vector<ShaderStage>& stages, const Defines& defines = {});
 
   // A hash of all sources, those of other programs included. "sha256-<64 hex>".
   std::string sources_hash() const;
@@ -72,12 +66,7 @@ class ShaderLibrary {
 
   const Context* context_;
   std::string shader_dir_;
-  struct Entry {
-    std::vector<ShaderStage> stages;
-    Defines defines;
-    std::unique_ptr<Program> program;
-  };
-  std::map<std::string, Entry> programs_;
+  std::map<std::string, Program> programs_;
 };
 
 }  // namespace voxeld::gpu

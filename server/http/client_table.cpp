@@ -107,11 +107,6 @@ int ClientTable::count_of(std::string_view address) const {
   return it == by_address_.end() ? 0 : it->second;
 }
 
-Client* ClientTable::longest(Client::State state) const {
-  const auto& list = lists_[index(state)];
-  return list.empty() ? nullptr : list.front();
-}
-
 Client* ClientTable::late(Client::State state, double seconds, Clock::time_point now) const {
   for (Client* client : lists_[index(state)]) {
     if (std::chrono::duration<double>(now - client->since).count() <= seconds) return nullptr;

@@ -97,9 +97,8 @@ class ClientTable {
   // Clients with a request that has begun, was not refused, and whose response is not complete.
   size_t in_flight() const { return in_flight_; }
   int count_of(std::string_view address) const;
-  // The client that has been in the state for longest; null if there is none.
-  Client* longest(Client::State state) const;
-  // The same among those not taken, if it has been in the state for more than `seconds`.
+  // The client not taken that has been in the state for longest, if for more than `seconds`; else
+  // null.
   Client* late(Client::State state, double seconds, Clock::time_point now) const;
   // The same among those that keep room on the disk from others (Exchange::keeps_room()).
   Client* late_download(double seconds, bool is_disk_short, Clock::time_point now) const;

@@ -60,11 +60,6 @@ void VoxelList::add(const std::array<int32_t, 3>& cell, uint32_t values) {
   ++size_;
 }
 
-void VoxelList::add(const std::array<int32_t, 3>& cell, const VoxelValues& values) {
-  if (values_.empty() || values_.back() != values) values_.push_back(values);
-  add(cell, static_cast<uint32_t>(values_.size() - 1));
-}
-
 // Sorts by code and keeps the order of voxels with equal codes.
 void VoxelList::sort(std::vector<uint64_t>& voxels) {
   if (std::ranges::is_sorted(voxels, {}, list_code)) return;

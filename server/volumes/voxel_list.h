@@ -21,8 +21,6 @@ class VoxelList {
   // Adds a voxel. cell: x, y, z of the grid, each 0..limits::kGridSideMax - 1. Where two voxels
   // have the same cell, the one that was added first stays.
   void add(const std::array<int32_t, 3>& cell, uint32_t values);
-  // The same. Consecutive voxels with equal values share an entry of the table.
-  void add(const std::array<int32_t, 3>& cell, const VoxelValues& values);
 
   // Voxels that were added, those in the same cell included.
   uint64_t size() const { return size_; }

@@ -1,13 +1,11 @@
 // JSON from outside. Accepted values must survive operations that overflow the stack on deep
-// values: copy, compare and dump. They also pass through the readers of requests, statuses and
-// problems.
+// values: copy, compare and dump. They also pass through the reader of requests.
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "proto/messages/job.h"
-#include "proto/messages/job_text.h"
 #include "server/base/check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -25,11 +23,5 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const auto options = nlohmann::json::parse(voxeld::canonical_json(request->options, scope));
     VOXELD_CHECK(voxeld::parse_options(options, scope).ok(), "the canonical form is taken");
   }
-  if (const auto status = voxeld::parse_job_status(copy)) {
-    const auto back =
-        voxeld::parse_job_status(nlohmann::json::parse(voxeld::job_status_text(*status)));
-    VOXELD_CHECK(back && back->state == status->state, "a status is written as it was read");
-  }
-  (void)voxeld::parse_problem(copy);
   return 0;
 }

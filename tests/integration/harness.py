@@ -21,8 +21,6 @@ import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BIN = pathlib.Path(os.environ.get("VOXELD_BIN_DIR", ROOT / "build/dev/bin"))
-# The daemon's file itself, where BIN has a script that starts it.
-PROGRAM_FILE = pathlib.Path(os.environ.get("VOXELD_PROGRAM_FILE", BIN / "voxeld"))
 DATA = os.environ.get("VOXELD_DATA_DIR")
 # Time that ends a test which hangs. No test fails because a machine is slow, up to this.
 HANG_SECONDS = 300

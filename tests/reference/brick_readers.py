@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 STUDS = {"3005.dat": 1, "3004.dat": 2, "3622.dat": 3, "3010.dat": 4, "3009.dat": 6, "3008.dat": 8}
-ALONG_X = [1, 0, 0, 0, 1, 0, 0, 0, 1]
 
 
 @dataclass

@@ -107,32 +107,5 @@ TEST(ShaderLibrary, stages_that_do_not_fit_are_a_link_error_with_the_names) {
   EXPECT_TRUE(test_context().check("after a failed link").ok());
 }
 
-TEST(ShaderLibrary, reload_takes_new_sources_only_when_all_of_them_build) {
-  const ShaderFolder folder;
-  folder.write("count.comp", kCount);
-  folder.write("lib/step.glsl", "uint step_size() { return 1u; }\n");
-  ShaderLibrary shaders(test_context(), folder.path());
-  const auto program = shaders.get({{"count.comp"}});
-  ASSERT_TRUE(program.ok()) << program.error().message();
-  auto buffer = Buffer::create(test_context(), 4, "count");
-  ASSERT_TRUE(buffer.ok());
-  const auto count_once = [&] {
-    buffer->clear(0, 4);
-    buffer->bind_storage(0);
-    (*program)->dispatch(1);
-    test_context().gl().MemoryBarrier(GL_ALL_BARRIER_BITS);
-    std::vector<uint32_t> count(1);
-    buffer->read<uint32_t>(0, count);
-    return count[0];
-  };
-  EXPECT_EQ(count_once(), 1u);
-  folder.write("lib/step.glsl", "uint step_size() { return nonsense; }\n");
-  EXPECT_FALSE(shaders.reload().ok());
-  EXPECT_EQ(count_once(), 1u);
-  folder.write("lib/step.glsl", "uint step_size() { return 5u; }\n");
-  EXPECT_TRUE(shaders.reload().ok());
-  EXPECT_EQ(count_once(), 5u);
-}
-
 }  // namespace
 }  // namespace voxeld::gpu

@@ -21,7 +21,6 @@ HOLD_SECONDS = 3  # that an attacker keeps what it has opened
 LONG_JOB_SECONDS = 20  # that a job of minutes runs before its tenant cancels it
 HELD_CONNECTIONS = 50
 UNREAD_RESPONSES = 200
-REFUSED = {400, 404, 408, 409, 410, 411, 413, 415, 422, 429, 503, 504, 507}
 
 
 def memory_kb(pid):

@@ -27,13 +27,13 @@ TEST(ClientTable, the_client_that_waits_longest_comes_first) {
   ClientTable table;
   Client& first = table.add(some_fd(), "10.0.0.1", true);
   Client& second = table.add(some_fd(), "10.0.0.1", true);
-  EXPECT_EQ(table.longest(Client::State::kIdle), &first);
+  EXPECT_EQ(table.clients(Client::State::kIdle).front(), &first);
   table.set_state(first, Client::State::kHead);
-  EXPECT_EQ(table.longest(Client::State::kIdle), &second);
+  EXPECT_EQ(table.clients(Client::State::kIdle).front(), &second);
   table.set_state(first, Client::State::kIdle);
-  EXPECT_EQ(table.longest(Client::State::kIdle), &second) << "the first one began anew";
+  EXPECT_EQ(table.clients(Client::State::kIdle).front(), &second) << "the first one began anew";
   EXPECT_EQ(table.count(Client::State::kIdle), 2u);
-  EXPECT_EQ(table.longest(Client::State::kHead), nullptr);
+  EXPECT_TRUE(table.clients(Client::State::kHead).empty());
 }
 
 TEST(ClientTable, a_client_in_a_state_for_longer_than_the_limit_is_late) {

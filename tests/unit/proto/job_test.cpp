@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "proto/messages/job_text.h"
+#include "proto/messages/json_fields.h"
 #include "proto/messages/json_writer.h"
 #include "tests/unit/proto/tied_members.h"
 
@@ -226,7 +227,7 @@ void expect_no_defaults(const Struct& full) {
   EXPECT_TRUE(each_differs) << "a member has its default value";
 }
 
-TEST(JobStatus, every_member_comes_back) {
+TEST(JobStatus, every_member_is_written) {
   JobStatus status = finished();
   status.error = Error{ErrorCode::kMalformedMesh, "a.obj line 3: index", "1 to 8", "9"};
   status.estimate = JobEstimate{1.5, 1, 2.5, 0.5, 1000, 1 << 30, 17, 5.5};
@@ -236,10 +237,26 @@ TEST(JobStatus, every_member_comes_back) {
   expect_no_defaults(*status.result);
   expect_no_defaults(*status.error);
   expect_no_defaults(*status.estimate);
-  const auto back = parse_job_status(Json::parse(job_status_text(status)));
-  ASSERT_TRUE(back) << back.error().message();
-  EXPECT_TRUE(*back == status) << job_status_text(*back);
-  EXPECT_TRUE(back->ended());
+  const Json json = Json::parse(job_status_text(status));
+  EXPECT_EQ(json, Json::parse(R"({
+    "id": "j-0123", "kind": "render", "state": "done", "asset": "sha256-1", "grid": "sha256-6",
+    "sequence": "sha256-4", "version": 9, "attempt": 2, "preempted": 8, "tiles_done": 3,
+    "tiles_total": 4, "frames_done": 6, "frames_total": 7, "queue_position": 5,
+    "created_ms": 1700000000000, "started_ms": 1700000000001, "ended_ms": 1700000000002,
+    "priority": -3, "deadline_at_ms": 1700000000009, "device_ms": 12.5, "cached": true,
+    "filename": "b.ply", "stage": "encode", "waiting_for": "a worker",
+    "timings": {"parse": 1.5, "render": 20},
+    "error": {"code": "malformed-mesh", "detail": "a.obj line 3: index", "expected": "1 to 8",
+              "got": "9"},
+    "estimate": {"seconds": 1.5, "seconds_low": 1, "seconds_high": 2.5, "device_seconds": 0.5,
+                 "result_bytes": 1000, "host_bytes": 1073741824, "learned_from": 17,
+                 "overrun": 5.5},
+    "expected_start_ms": 1700000000003, "expected_end_ms": 1700000000004,
+    "options": {"width": 5},
+    "result": {"blob": "sha256-2", "bytes": 77, "media_type": "image/png", "filename": "b.png",
+               "grid": "sha256-3", "sequence": "sha256-5", "meta": {"dims": [1, 2, 3]},
+               "warnings": [{"code": "missing-texture", "detail": "a.png"}]}})"));
+  EXPECT_EQ(json.size(), std::tuple_size_v<decltype(tied(status))>);
 }
 
 TEST(JobStatus, a_failed_job_carries_its_error_and_no_result) {
@@ -249,11 +266,7 @@ TEST(JobStatus, a_failed_job_carries_its_error_and_no_result) {
   const Json json = Json::parse(job_status_text(status));
   EXPECT_FALSE(json.contains("result"));
   EXPECT_EQ(json["error"]["code"], "malformed-mesh");
-  const auto back = parse_job_status(json);
-  ASSERT_TRUE(back);
-  ASSERT_TRUE(back->error);
-  EXPECT_EQ(back->error->code, ErrorCode::kMalformedMesh);
-  EXPECT_EQ(back->error->message(), status.error->message());
+  EXPECT_EQ(json["error"]["expected"], "1 to 8");
 }
 
 TEST(JobStatus, only_the_three_last_states_are_ended) {
@@ -266,24 +279,6 @@ TEST(JobStatus, only_the_three_last_states_are_ended) {
     status.state = state;
     EXPECT_EQ(status.ended(), ended) << job_state_name(state);
   }
-}
-
-TEST(JobStatus, members_of_other_types_and_unknown_states_are_refused) {
-  const Json good = Json::parse(job_status_text(finished()));
-  for (const auto& [name, value] : good.items()) {
-    // timings and options are shown, never acted on; an error is never refused.
-    if (name == "timings" || name == "options") continue;
-    Json other = good;
-    other[name] = Json::array();
-    const auto status = parse_job_status(other);
-    ASSERT_FALSE(status) << name;
-    EXPECT_EQ(status.error().code, ErrorCode::kBadRequest) << name;
-  }
-  Json other = good;
-  other["state"] = "dreaming";
-  EXPECT_EQ(parse_job_status(other).error().message(),
-            "job.state: expected queued | running | done | failed | cancelled, got \"dreaming\"");
-  EXPECT_EQ(parse_job_status(Json()).error().message(), "job: expected an object, got null");
 }
 
 TEST(JobStatus, meta_that_is_no_object_is_written_as_an_empty_one) {
@@ -357,7 +352,8 @@ TEST(Problem, has_the_members_of_rfc_9457_for_every_code) {
     EXPECT_EQ(json["code"], info.name);
     EXPECT_EQ(json["detail"], "what");
     EXPECT_EQ(json["instance"], "/v1/jobs/1");
-    const Error back = parse_problem(json);
+    Error back;
+    EXPECT_TRUE(read_value(json, back));
     EXPECT_EQ(back.code, info.code);
     EXPECT_EQ(back.message(), error.message());
   }
@@ -366,12 +362,17 @@ TEST(Problem, has_the_members_of_rfc_9457_for_every_code) {
 }
 
 TEST(Problem, an_invalid_problem_document_is_internal_with_a_reason) {
-  EXPECT_EQ(parse_problem(Json("oops")).code, ErrorCode::kInternal);
-  EXPECT_EQ(parse_problem(Json("oops")).message(),
+  const auto read = [](const Json& json) {
+    Error error;
+    EXPECT_TRUE(read_value(json, error));
+    return error;
+  };
+  EXPECT_EQ(read("oops").code, ErrorCode::kInternal);
+  EXPECT_EQ(read("oops").message(),
             "not a problem document: error: expected an object, got string");
-  EXPECT_EQ(parse_problem(Json{{"code", 5}}).code, ErrorCode::kInternal);
-  EXPECT_EQ(parse_problem(Json{{"code", "of-tomorrow"}, {"detail", "x"}}).message(), "x");
-  EXPECT_EQ(parse_problem(Json{{"code", "of-tomorrow"}}).code, ErrorCode::kInternal);
+  EXPECT_EQ(read({{"code", 5}}).code, ErrorCode::kInternal);
+  EXPECT_EQ(read({{"code", "of-tomorrow"}, {"detail", "x"}}).message(), "x");
+  EXPECT_EQ(read({{"code", "of-tomorrow"}}).code, ErrorCode::kInternal);
 }
 
 }  // namespace

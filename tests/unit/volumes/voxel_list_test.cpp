@@ -24,7 +24,8 @@ VoxelValues values_of_test_voxel(const test::TestVoxel& voxel) {
 VoxelList list_of(const std::vector<test::TestVoxel>& voxels) {
   VoxelList list;
   for (const test::TestVoxel& voxel : voxels) {
-    list.add({voxel.cell[0], voxel.cell[1], voxel.cell[2]}, values_of_test_voxel(voxel));
+    list.add({voxel.cell[0], voxel.cell[1], voxel.cell[2]},
+             list.add_values(values_of_test_voxel(voxel)));
   }
   return list;
 }
@@ -48,8 +49,9 @@ TEST(VoxelList, of_voxels_in_a_cell_the_first_stays_at_any_number_of_voxels) {
   for (const int side : {3, 20}) {  // below and above the least number for a radix sort
     VoxelList list;
     for (int i = 0; i < 4; ++i) {
-      VoxelValues values;
-      values.label = static_cast<uint16_t>(1 + i);
+      VoxelValues of_layer;
+      of_layer.label = static_cast<uint16_t>(1 + i);
+      const uint32_t values = list.add_values(of_layer);
       for (int k = 0; k < side * side * side; ++k) {
         list.add({k % side, 250 + k / side % side, k / side / side}, values);
       }

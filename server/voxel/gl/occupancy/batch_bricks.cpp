@@ -59,8 +59,6 @@ Result<std::vector<SparseTile>> BatchBricks::run(const gpu::Buffer& masks,
   std::vector<BrickMask> bricks(total);
   mortons_.read(0, std::span(mortons));
   bricks_.read(0, std::span(bricks));
-  read_bytes_ = static_cast<int64_t>(found.size() * sizeof(shared::BatchTile) +
-                                     total * (4 + sizeof(BrickMask)));
   VOXELD_TRY(context_->check("gathering bricks"));
   std::vector<SparseTile> tiles(bins.size());
   for (size_t slot = 0; slot < bins.size(); ++slot) {

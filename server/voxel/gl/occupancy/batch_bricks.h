@@ -24,8 +24,6 @@ class BatchBricks {
   Result<std::vector<SparseTile>> run(const gpu::Buffer& masks, const gpu::Buffer& counts,
                                       std::span<const TileBin> bins, gpu::PassTimer& timer);
 
-  // Bytes read back by the last run.
-  int64_t read_bytes() const { return read_bytes_; }
   // Bytes of all buffers now.
   int64_t bytes() const;
   // An upper bound of bytes() for batches of `tiles`.
@@ -38,7 +36,6 @@ class BatchBricks {
   gpu::ShaderLibrary* shaders_;
   gpu::Buffer bits_, ranks_, tiles_, mortons_, bricks_, params_;
   size_t capacity_ = 0;
-  int64_t read_bytes_ = 0;
 };
 
 }  // namespace voxeld

@@ -79,9 +79,4 @@ Status BatchOctree::dispatch(const gpu::Buffer& masks, size_t tiles, bool has_at
   return context_->check("building octrees");
 }
 
-int64_t BatchOctree::bytes() const {
-  return static_cast<int64_t>(bricks_.size_bytes() + places_.size_bytes() + tiles_.size_bytes() +
-                              octrees_.size_bytes() + count_.size_bytes() + params_.size_bytes());
-}
-
 }  // namespace voxeld

@@ -24,9 +24,6 @@ class BatchOctree {
   Result<std::vector<std::vector<uint8_t>>> run(const gpu::Buffer& masks, size_t tiles,
                                                 bool has_attributes, gpu::PassTimer& timer);
 
-  // Bytes of all buffers now.
-  int64_t bytes() const;
-
  private:
   Status dispatch(const gpu::Buffer& masks, size_t tiles, bool has_attributes,
                   gpu::PassTimer& timer);

@@ -53,7 +53,6 @@ class ResidentMesh {
   size_t group_count() const { return group_count_; }
   // Binds BATCH_VERTICES to BATCH_GROUPS.
   void bind() const;
-  bool is_resident() const { return is_resident_; }
   // Bytes of all buffers now.
   int64_t bytes() const;
   // Bytes uploaded since begin_job(), its own included.

@@ -19,7 +19,6 @@ class BrickIndex {
   BrickIndex(std::span<const SparseTile> tiles, const glm::ivec3& dims);
 
   const glm::ivec3& tile_dims() const { return tile_dims_; }
-  bool has_tile(const glm::ivec3& tile) const { return slots_[tile_number(tile)] != nullptr; }
   size_t tile_number(const glm::ivec3& tile) const {
     return static_cast<size_t>((tile.z * tile_dims_.y + tile.y)) *
                static_cast<size_t>(tile_dims_.x) +
