@@ -6,7 +6,7 @@ import re
 import socket
 import unittest
 
-from harness import HANG_SECONDS, ROOT, Daemon, DaemonTest
+from harness import HANG_SECONDS, ROOT, DaemonTest
 
 # Codes that no request to a healthy daemon on loopback can provoke, and where they are tested.
 TESTED_ELSEWHERE = {

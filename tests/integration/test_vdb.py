@@ -132,7 +132,7 @@ class Vdb(DaemonTest):
         self.assertIn('{"1":"caf\ufffd"}'.encode(), response.body)
 
     def test_a_solid_without_attributes_inside_has_its_tiles(self):
-        path, grids, npz = self.check("size=120&fill=solid", "sample.off")
+        path, grids, _ = self.check("size=120&fill=solid", "sample.off")
         self.assertGreater(grids["density"].activeVoxelCount(), 100_000)
         self.assertLess(grids["density"].leafCount(), 10_000)
         self.assertLess(pathlib.Path(path).stat().st_size, 1e6)
