@@ -117,11 +117,22 @@ std::optional<MeshFormat> guessed_format(std::span<const uint8_t> bytes) {
   return std::nullopt;
 }
 
+bool is_gzip(std::string_view text) {
+  return starts_with(text, "\x1f\x8b");
+}
+
+std::string first_bytes(std::string_view text) {
+  if (text.empty()) return "no bytes";
+  if (is_gzip(text)) return "a gzip file, which has to be unpacked first";
+  return "first bytes " + shown(text.substr(0, 16));
+}
+
 }  // namespace
 
 Result<MeshFormat> detect_format(std::string_view filename, std::span<const uint8_t> bytes) {
-  if (const auto format = proven_format(as_text(bytes))) return *format;
-  if (const auto format = format_of_extension(filename)) return *format;
+  const std::string_view text = as_text(bytes);
+  if (const auto format = proven_format(text)) return *format;
+  if (const auto format = format_of_extension(filename); format && !is_gzip(text)) return *format;
   if (const auto format = guessed_format(bytes)) return *format;
   const std::string name = filename.empty() ? "the upload" : std::string(filename);
   if (is_md5_animation(filename, bytes)) {
@@ -130,8 +141,7 @@ Result<MeshFormat> detect_format(std::string_view filename, std::span<const uint
                  "a bundle or zip of it with its md5mesh", "an animation alone"};
   }
   return Error{ErrorCode::kUnsupportedMedia, name + ": not a format that voxeld reads",
-               std::string(kFormatsRead),
-               bytes.empty() ? "no bytes" : "first bytes " + shown(as_text(bytes).substr(0, 16))};
+               std::string(kFormatsRead), first_bytes(text)};
 }
 
 std::string_view mesh_format_name(MeshFormat format) {

@@ -61,6 +61,10 @@ TEST(DetectFormat, other_bytes_are_refused_with_the_formats_that_are_read) {
             "the upload: not a format that voxeld reads: expected obj, ply, stl, off, gltf, glb, "
             "md5mesh, 3mf, a zip of one of them with its files, or voxels: voxg, vox, binvox, npy, "
             "nrrd, got no bytes");
+  for (const char* name : {"a.ply.gz", "a.ply"}) {
+    EXPECT_THAT(detected(name, "\x1f\x8b\x08"),
+                testing::EndsWith("got a gzip file, which has to be unpacked first"));
+  }
   for (const char* text : {"hello world", "{\"a\": 1}", "v one two three\n", "v 1 2\n", "plywood\n",
                            "XOFF\n", "solidarity\n", "\n\n"}) {
     const auto format = detect_format("", bytes_of(text));
