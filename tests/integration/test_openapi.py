@@ -6,8 +6,6 @@ import re
 import unittest
 import urllib.parse
 
-import jsonschema
-
 from harness import ROOT, DaemonTest
 
 # Settings that an option needs so that nothing but its value can be wrong.
@@ -74,8 +72,7 @@ class OpenApiOptions(DaemonTest):
                       "export": {"sequence": cls.sequence}}
 
     def validator(self, name):
-        return jsonschema.Draft202012Validator(
-            {"components": self.spec["components"], "$ref": "#/components/schemas/" + name})
+        return self.daemon.openapi.validator({"$ref": "#/components/schemas/" + name})
 
     def dry_run(self, kind, options):
         response = self.daemon.post("/v1/jobs?dry_run=1", {"kind": kind, **self.inputs[kind], "options": options})
