@@ -6,6 +6,8 @@
 #include <array>
 #include <cstdlib>
 #include <map>
+#include <optional>
+#include <string_view>
 #include <utility>
 
 #include "proto/text/number_text.h"
@@ -438,6 +440,18 @@ void check_variables(CLI::App& app) {
   for (CLI::App* parsed : app.get_subcommands()) check_variables(*parsed);
 }
 
+// The host of HOST:PORT. nullopt without one of them, for an IPv6 address without brackets, and for
+// what is no port: getaddrinfo() takes 65536 for 0.
+std::optional<std::string_view> host_before_port(std::string_view address) {
+  const size_t colon = address.rfind(':');
+  if (colon == address.npos || colon == 0) return std::nullopt;
+  const std::string_view host = address.substr(0, colon), port = address.substr(colon + 1);
+  const bool is_bracketed = host.starts_with('[') && host.ends_with(']');
+  if (!is_bracketed && host.find(':') != host.npos) return std::nullopt;
+  if (!parse_digits<uint16_t>(port)) return std::nullopt;
+  return host;
+}
+
 }  // namespace
 
 Command parse_command_line(int argc, const char* const* argv) {
@@ -493,14 +507,13 @@ std::string_view log_level_name(log::Level level) {
 
 Status check_listen_address(const std::string& flag, const std::string& address, bool allow_remote,
                             Guard guard) {
-  const size_t colon = address.rfind(':');
-  if (colon == std::string::npos || colon == 0) {
-    return Error{ErrorCode::kInvalidOption, flag, "HOST:PORT", address};
+  const auto host = host_before_port(address);
+  if (!host) {
+    return Error{ErrorCode::kInvalidOption, flag,
+                 "HOST:PORT, such as 127.0.0.1:8080 or [::1]:8080, and a port up to 65535",
+                 address};
   }
-  if (allow_remote || guard == Guard::kKeys ||
-      is_loopback_host(std::string_view(address).substr(0, colon))) {
-    return {};
-  }
+  if (allow_remote || guard == Guard::kKeys || is_loopback_host(*host)) return {};
   return Error{ErrorCode::kInvalidOption,
                flag + " " + address + " can be reached from other machines, and " +
                    (guard == Guard::kNoKeys

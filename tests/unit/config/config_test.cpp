@@ -246,8 +246,23 @@ TEST(Config, other_addresses_than_loopback_need_keys_or_a_flag_and_the_error_say
               std::string::npos);
     EXPECT_TRUE(check_listen_address("--admin-listen", address, true, Guard::kNone));
   }
-  EXPECT_EQ(check_listen_address("--listen", "8080", true, Guard::kKeys).error().message(),
-            "--listen: expected HOST:PORT, got 8080");
+}
+
+TEST(Config, a_listen_address_is_a_host_and_a_port) {
+  const auto checked = [](const char* address) {
+    return check_listen_address("--listen", address, true, Guard::kKeys);
+  };
+  EXPECT_EQ(checked("8080").error().message(),
+            "--listen: expected HOST:PORT, such as 127.0.0.1:8080 or [::1]:8080, and a port up to "
+            "65535, got 8080");
+  for (const char* wrong :
+       {"", ":8080", "127.0.0.1", "127.0.0.1:", "127.0.0.1:http", "::1", "::1:8080", "[::1]",
+        "[::1]:", "127.0.0.1:65536", "127.0.0.1:-1", "127.0.0.1:99999", "127.0.0.1:80 "}) {
+    EXPECT_FALSE(checked(wrong)) << wrong;
+  }
+  for (const char* right : {"127.0.0.1:0", "[::1]:65535", "[fe80::1%eth0]:80", "gpu:8080"}) {
+    EXPECT_TRUE(checked(right)) << right;
+  }
 }
 
 }  // namespace
