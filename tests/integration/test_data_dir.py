@@ -40,6 +40,12 @@ class DataDir(DaemonTest):
         for part in parts:
             self.assertIn(part, text.splitlines()[-1])
 
+    def test_a_file(self):
+        os.rmdir(self.data)
+        pathlib.Path(self.data).touch()
+        self.addCleanup(pathlib.Path(self.data).unlink)
+        self.refused(f"the data directory: expected a directory, got {self.data}")
+
     def test_a_folder_where_others_may_put_files(self):
         os.chmod(self.data, 0o777)
         self.refused(self.data + " is open to other users", f"chmod go-w {self.data}",

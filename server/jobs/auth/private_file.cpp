@@ -80,6 +80,10 @@ FileMark mark_of(const fs::path& file) {
 Result<std::optional<std::string>> read_private(const fs::path& file) {
   const UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!fd.valid() && errno == ENOENT) return std::optional<std::string>();
+  if (!fd.valid() && errno == ENOTDIR) {
+    return Error{ErrorCode::kInvalidOption, "the data directory", "a directory",
+                 file.parent_path().string()};
+  }
   if (!fd.valid()) return errno_error("open", file);
   VOXELD_TRY(check_file(fd.get(), file));
   VOXELD_ASSIGN(std::string text, read_text(fd.get(), file));
