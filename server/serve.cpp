@@ -101,25 +101,25 @@ std::string url_of(const std::string& listen, int port) {
   return "http://" + listen.substr(0, listen.rfind(':')) + ":" + std::to_string(port);
 }
 
-// True when every device was tried and none could be opened.
-bool all_devices_failed(JobService& jobs) {
-  const std::vector<WorkerState> workers = jobs.workers();
-  return std::all_of(workers.begin(), workers.end(), [](const WorkerState& worker) {
-    return !worker.connected && !worker.last_error.empty();
-  });
-}
-
-// Returns the signal that came meanwhile, or 0. Errors: device-unavailable when no device works:
-// who starts a daemon wants to hear that now. (Later the supervisor goes on trying.)
+// Returns the signal that came meanwhile, or 0. Errors: device-unavailable when every device was
+// tried and none works: who starts a daemon wants to hear that now. (Later the supervisor goes on
+// trying.)
 Result<int> wait_for_worker(JobService& jobs, ShutdownWatch& watch_of_end) {
   const Stopwatch watch;
   while (watch.ms() < kReadySecondsMax * 1000.0) {
-    const Status ready = jobs.ready();
-    if (ready) return 0;
-    if (all_devices_failed(jobs)) return ready.error();
+    const std::vector<WorkerState> workers = jobs.workers();
+    const auto is_connected = [](const WorkerState& worker) { return worker.connected; };
+    const auto has_failed = [](const WorkerState& worker) { return !worker.last_error.empty(); };
+    // Not jobs.ready(): on a full disk it refuses jobs, and clients can delete.
+    if (std::any_of(workers.begin(), workers.end(), is_connected)) return 0;
+    if (std::all_of(workers.begin(), workers.end(), has_failed)) {
+      if (const Status ready = jobs.ready(); !ready) return ready.error();
+    }
     if (const int signal = watch_of_end.wait(0.02); signal != 0) return signal;
   }
-  log::error("no worker yet; jobs wait", {{"reason", jobs.ready().error().message()}});
+  if (const Status ready = jobs.ready(); !ready) {
+    log::error("no worker yet; jobs wait", {{"reason", ready.error().message()}});
+  }
   return 0;
 }
 

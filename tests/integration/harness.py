@@ -161,7 +161,7 @@ class Daemon:
         self.openapi = open_api()
         self.start()
 
-    def start(self):
+    def start(self, until_ready=True):
         self.log = open(self.data_dir.rstrip("/") + ".log", "ab")
         sandbox = [] if "--sandbox" in self.arguments else ["--sandbox", "require"]
         self.process = subprocess.Popen(
@@ -176,7 +176,8 @@ class Daemon:
                 raise AssertionError(f"daemon did not start: {line!r}\n{self.log_tail()}")
             self.port, self.admin_port = int(match.group(1)), int(match.group(2))
             self.url = f"http://{self.host}:{self.port}"
-            self.wait_ready()
+            if until_ready:
+                self.wait_ready()
         except BaseException:
             self.process.kill()  # nobody ends a daemon whose test did not begin
             raise

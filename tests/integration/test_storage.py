@@ -310,6 +310,27 @@ class FullDisk(FullDiskTest):
         status = daemon.wait(doomed)
         self.assertEqual((status["state"], status["error"]["code"]), ("failed", "invalid-option"), status)
 
+    def test_a_daemon_starts_on_a_full_disk_and_deletes(self):
+        daemon = self.start("--disk-reserve", "0", "--workers-per-device", "1", data_dir=self.disk + "/data")
+        done = self.voxelize(daemon, 200)
+        blob = self.file_of(daemon, daemon.get(f"/v1/jobs/{done}/result").headers["ETag"].strip('"'))
+        result_bytes = blob.stat().st_size
+        asset = daemon.upload(self.fixtures / "sample.ply")
+        giant = {"size": 16384, "channels": "occupancy", "cache": "no"}
+        running, queued = (daemon.submit(kind="voxelize", asset=asset, options=giant) for _ in range(2))
+        daemon.wait_state(running, "running")
+        daemon.kill_gateway()
+        self.take_the_rest()
+        daemon.start(until_ready=False)  # it takes no uploads
+        for job in (running, queued):
+            self.assertEqual(daemon.cancel(job)["state"], "cancelled")
+        self.assertEqual(daemon.get(f"/v1/jobs/{done}/result").status, 200)
+        for path, status in ((f"jobs/{done}/result", 204), (f"jobs/{done}?ended=remove", 200),
+                             (f"assets/{asset}", 204)):
+            self.assertEqual(daemon.request("DELETE", "/v1/" + path).status, status, path)
+        wait_until(lambda: self.free_bytes() + self.ballast_bytes() >= result_bytes,
+                   lambda: (self.free_bytes(), self.ballast_bytes()))
+
     def test_a_job_that_writes_more_than_one_worker_may_fails_alone(self):
         daemon = self.start("--worker-scratch-max", "2M", data_dir=self.disk + "/data")
         asset = daemon.upload(self.fixtures / "sample.ply")

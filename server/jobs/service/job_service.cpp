@@ -382,16 +382,17 @@ int64_t Service::queued_jobs() {
 Status Service::ready() {
   if (draining_) return Error{ErrorCode::kShuttingDown, "the daemon is shutting down", "", ""};
   VOXELD_TRY(jobs_.live());
-  VOXELD_TRY(blobs_.begin(0));
-  VOXELD_TRY(blobs_.disk().for_jobs());
-  std::string reason;
-  for (const WorkerState& state : workers()) {
-    if (state.connected) return {};
-    if (!state.last_error.empty()) reason = state.device + ": " + state.last_error;
+  const std::vector<WorkerState> states = workers();
+  if (std::none_of(states.begin(), states.end(),
+                   [](const WorkerState& state) { return state.connected; })) {
+    std::string reason;
+    for (const WorkerState& state : states) {
+      if (!state.last_error.empty()) reason = ": " + state.device + ": " + state.last_error;
+    }
+    return Error{ErrorCode::kDeviceUnavailable, "no worker is connected" + reason, "", ""};
   }
-  return Error{ErrorCode::kDeviceUnavailable,
-               reason.empty() ? "no worker is connected" : "no worker is connected: " + reason, "",
-               ""};
+  VOXELD_TRY(blobs_.begin(0));
+  return blobs_.disk().for_jobs();
 }
 
 }  // namespace voxeld
