@@ -275,18 +275,41 @@ std::string ClientImpl::bundle(std::span<const BundleFile> files, const std::sto
 
 std::string ClientImpl::send_bundle(std::span<const Source> sources,
                                     const ProgressCallback& progress, const std::stop_token& stop) {
+  // Of all files. Nobody knows how much a stream has.
+  long long done = 0, total = 0;
+  bool is_stream = false;
+  const auto bytes_of = [](const Source& source) {
+    std::error_code missing;  // reported when it is read
+    const auto bytes = source.path_.empty() ? source.bytes_.size()
+                                            : std::filesystem::file_size(source.path_, missing);
+    return missing ? 0 : static_cast<long long>(bytes);
+  };
+  for (const Source& source : sources) {
+    is_stream = is_stream || source.read_;
+    total += bytes_of(source);
+  }
+  if (is_stream) total = 0;
+  ProgressCallback of_all;
+  if (progress) {
+    of_all = [&](const Progress& file) {
+      return progress({file.stage, done + file.done, total, file.unit});
+    };
+  }
   std::vector<BundleFile> files;
   for (const Source& source : sources) {
-    files.push_back({source.filename_, upload(source, progress, stop)});
+    files.push_back({source.filename_, upload(source, of_all, stop)});
+    done += bytes_of(source);
   }
   try {
     return bundle(files, stop);
   } catch (const Error& error) {
-    const bool is_stream =
-        std::ranges::any_of(sources, [](auto& source) { return source.read_ != nullptr; });
     if (!is_gone(error) || is_stream) throw;
   }
-  for (size_t i = 0; i < files.size(); ++i) files[i].asset = send(sources[i], progress, stop);
+  done = 0;
+  for (size_t i = 0; i < files.size(); ++i) {
+    files[i].asset = send(sources[i], of_all, stop);
+    done += bytes_of(sources[i]);
+  }
   return bundle(files, stop);
 }
 

@@ -132,6 +132,8 @@ class Call:
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.cancel = cancel
         self.progress = progress_callback(progress)
+        self.files_bytes = 0  # of all files of a mesh that are sent one by one,
+        self.files_done = 0  # and of those before the one that is being sent
 
     def __enter__(self) -> Call:
         return self
@@ -160,6 +162,8 @@ class Call:
     def report(self, stage: str, done: int, total: int, unit: str) -> None:
         if self.progress is None:
             return
+        if self.files_bytes > 0:
+            done, total = self.files_done + done, self.files_bytes
         try:
             self.progress(Progress(stage, done, total, unit))
         except Exception as failure:

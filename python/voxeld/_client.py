@@ -176,18 +176,27 @@ class Client:
         if isinstance(mesh, Asset):
             return Asset(mesh.id, filename or mesh.filename), None
         files = files_of(mesh, filename)
-        sent = [self._upload_file(call, file, True) for file in files]
         if len(files) == 1:
-            asset, was_known = sent[0]
+            asset, was_known = self._upload_file(call, files[0], True)
             return asset, files[0] if was_known else None
+        sent = self._upload_files(call, files, True)
         try:
             return self._bundle(call, files, sent), None
         except NotFound:  # one was deleted since the server was asked
-            sent = [self._upload_file(call, file, False) for file in files]
+            sent = self._upload_files(call, files, False)
         return self._bundle(call, files, sent), None
 
-    def _bundle(self, call: Call, files: list[File], sent: list[tuple[Asset, bool]]) -> Asset:
-        manifest = {"files": [{"name": file.name, "asset": asset.id} for file, (asset, _) in zip(files, sent)]}
+    def _upload_files(self, call: Call, files: list[File], may_ask: bool) -> list[Asset]:
+        sent = []
+        call.files_bytes, call.files_done = sum(file.bytes for file in files), 0
+        for file in files:
+            sent.append(self._upload_file(call, file, may_ask)[0])
+            call.files_done += file.bytes
+        call.files_bytes = 0
+        return sent
+
+    def _bundle(self, call: Call, files: list[File], sent: list[Asset]) -> Asset:
+        manifest = {"files": [{"name": file.name, "asset": asset.id} for file, asset in zip(files, sent)]}
         answer = self._transport.json(call, "POST", "/v1/assets", body=json.dumps(manifest).encode(),
                                       headers={"Content-Type": BUNDLE_TYPE})
         return Asset(str(answer["id"]))

@@ -404,6 +404,20 @@ class Transport(TransportTest):
                                               "POST /v1/assets?filename=b.png", "POST /v1/assets"])
         self.assertEqual(json.loads(script.bodies[5])["files"][1], {"name": "b.png", "asset": "sha256-b"})
 
+    def test_progress_of_a_mesh_of_several_files_is_that_of_all(self):
+        self.script(problem(404, "not-found"), json_response({"id": "sha256-a"}, 201),
+                    problem(404, "not-found"), json_response({"id": "sha256-b"}, 201),
+                    json_response({"id": "sha256-c"}, 201))
+        seen = []
+        with tempfile.TemporaryDirectory() as folder:
+            paths = [pathlib.Path(folder, name) for name in ("a.obj", "b.png")]
+            for path in paths:
+                path.write_bytes(bytes(3 << 20))
+            self.client.upload(paths, progress=seen.append)
+        self.assertEqual({one.total for one in seen}, {6 << 20})
+        sent = [one.done for one in seen if one.stage == "upload"]
+        self.assertEqual((sent, sent[-1]), (sorted(sent), 6 << 20))
+
     def test_a_pipe_is_read_once(self):
         script = self.script(json_response({"id": "sha256-a"}, 201))
         with tempfile.TemporaryDirectory() as folder:

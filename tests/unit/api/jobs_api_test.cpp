@@ -103,7 +103,8 @@ TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {
   EXPECT_EQ(status.header("etag"), sent.header("etag"));
   EXPECT_EQ(json(status).value("state", ""), "queued");
   const std::string tag = sent.header("etag");
-  for (const std::string& known : {tag, "W/" + tag, "\"x\", " + tag, std::string("*")}) {
+  EXPECT_TRUE(tag.starts_with("W/\"")) << "expected times change without a new version";
+  for (const std::string& known : {tag, tag.substr(2), "\"x\", " + tag, std::string("*")}) {
     EXPECT_EQ(get(sent.header("location"), "If-None-Match: " + known + "\r\n").status, 304)
         << known;
   }
@@ -135,17 +136,6 @@ TEST_F(JobsApi, a_poll_for_the_next_change_ends_with_it) {
   EXPECT_EQ(response->status, 200);
   EXPECT_EQ(json(*response).value("state", ""), "running");
   EXPECT_NE(response->header("etag"), sent.header("etag"));
-}
-
-TEST_F(JobsApi, a_poll_waits_also_where_a_proxy_has_made_the_tag_weak) {
-  const HttpResponse sent = post_job();
-  const std::string known = "If-None-Match: W/" + sent.header("etag") + "\r\n";
-  HttpClient client(server_->port());
-  ASSERT_TRUE(client.send_get(sent.header("location"), "Prefer: wait=60\r\n" + known));
-  ASSERT_TRUE(requests_waiting(1));
-  FakeWorker worker = connect_worker();
-  ASSERT_TRUE(worker.claim());
-  EXPECT_EQ(json(client.receive().value_or(HttpResponse{})).value("state", ""), "running");
 }
 
 TEST_F(JobsApi, a_poll_that_missed_a_change_does_not_wait_for_the_next_one) {

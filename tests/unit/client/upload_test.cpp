@@ -282,6 +282,35 @@ TEST(Upload, progress_reports_bytes_and_false_stops_it) {
   EXPECT_EQ(last.total, 60'000);
 }
 
+TEST(Upload, progress_of_a_bundle_is_that_of_all_its_files) {
+  const TemporaryFile mesh(long_text(30'000));
+  ScriptedServer server({json_response(kAsset), problem_response(404, "not-found", ""),
+                         json_response(kAsset), json_response(kAsset)});
+  std::vector<Progress> seen;
+  Client(server.url()).upload(
+      Source::bundle({Source::file(mesh.path()),
+                      Source::memory(std::vector<std::byte>(70'000), "a.png")}),
+      [&](const Progress& now) {
+        seen.push_back(now);
+        return true;
+      });
+  std::int64_t last = 0;
+  for (const Progress& now : seen) {
+    EXPECT_EQ(now.total, 100'000);
+    if (now.stage == "upload") {
+      EXPECT_GE(now.done, last);
+      last = now.done;
+    }
+  }
+  EXPECT_EQ(last, 100'000);
+  // As of a file, but of a stream nobody knows.
+  int calls = 0;
+  ScriptedServer other({json_response(kAsset), json_response(kAsset), json_response(kAsset)});
+  Client(other.url()).upload(Source::bundle({Source::file(mesh.path()),
+                                             stream_of("mesh", 10, &calls, "b.mtl")}),
+                             [&](const Progress& now) { return now.total == 0; });
+}
+
 TEST(Upload, a_stop_token_stops_it) {
   ScriptedServer server({CannedResponse{.delay = test::kTooLate}});
   Client client(server.url());

@@ -234,7 +234,8 @@ int preferred_wait_seconds(const Request& request) {
 Response status_response(const Request& request, Api& api, int http_status,
                          const JobStatus& status) {
   Response response = Response::json(http_status, "");
-  response.headers["ETag"] = "\"" + std::to_string(status.version) + "\"";
+  // Weak: expected times and the place in the queue change without a new version.
+  response.headers["ETag"] = "W/\"" + std::to_string(status.version) + "\"";
   if (std::string timing = server_timing(status); !timing.empty()) {
     response.headers["Server-Timing"] = std::move(timing);
   }

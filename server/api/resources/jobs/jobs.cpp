@@ -41,8 +41,7 @@ Response dry_run(Request& request, const JobRequest& job, Api& api) {
                                  .dump());
 }
 
-// Whether an If-None-Match names the ETag of this version, also as W/"3": a proxy that compresses
-// makes it weak.
+// Whether an If-None-Match names the ETag of this version.
 bool is_known_version(std::string_view if_none_match, const JobStatus& status) {
   return http::etag_matches(if_none_match, "\"" + std::to_string(status.version) + "\"");
 }
