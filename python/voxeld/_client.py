@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 from . import _decode
 from ._call import Call, CancelToken, ProgressCallback
 from ._errors import Error, NotFound, Unreachable, error
-from ._grid import IMAGES, SEQUENCE_FORMATS, Frame, Grid, Tiles, save_options
+from ._grid import IMAGES, SEQUENCE_FORMATS, Frame, Grid, Tiles, check_image, save_options
 from ._image import Image, write
 from ._mesh import Asset, File, Mesh, files_of
 from ._server import find_server
 from ._transport import Response, Transport, parse_object
-from .options import (AnimateOptions, OutputOptions, PlaceOptions, RenderOptions, SequenceImageOptions,
-                      VoxelizeOptions, json_options)
+from .options import (AnimateOptions, EstimateOptions, PlaceOptions, RenderOptions, SequenceImageOptions,
+                      SequenceSaveOptions, VoxelizeOptions, json_options)
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -112,6 +112,9 @@ class Client:
             options: animation=0 (the default) or its name, fps, frames or times; size, … of docs/options.md.
         """
         named: dict[str, Any] = dict(options)
+        if named.get("time") is not None:
+            raise error("invalid-option", "animate() makes several frames", expected="times=, or voxelize()",
+                        got="time")
         if all(named.get(name) is None for name in SEQUENCE_OPTIONS):
             named["animation"] = 0
         with Call(timeout, cancel, progress) as call:
@@ -142,7 +145,7 @@ class Client:
             return self._upload(call, mesh, filename)[0]
 
     def estimate(self, mesh: Mesh, *, timeout: float | None = None, cancel: CancelToken | None = None,
-                 progress: bool | ProgressCallback | None = None, **options: Unpack[AnimateOptions]) -> dict[str, Any]:
+                 progress: bool | ProgressCallback | None = None, **options: Unpack[EstimateOptions]) -> dict[str, Any]:
         """The expected cost of voxelize() or animate(), without a job: seconds, device_seconds, result_bytes,
         host_bytes, …"""
         with Call(timeout, cancel, progress) as call:
@@ -159,7 +162,10 @@ class Client:
         return Grid(self, id)
 
     def delete(self, item: Grid | Animation | Asset) -> None:
-        """Deletes a grid with the result of its job, an animation, or an asset. A frame alone cannot be deleted."""
+        """Deletes a grid with the result of its job, an animation, or an asset. A frame or a part alone cannot be
+        deleted."""
+        if isinstance(item, Grid) and item._selection and not isinstance(item, Frame):
+            raise error("invalid-option", "delete()", expected="a whole grid", got="a part of one")
         with Call() as call:
             if isinstance(item, Asset):
                 path = f"/v1/assets/{_quoted(item.id)}"
@@ -441,7 +447,7 @@ class Animation(_JobStream):
         return {"sequence": str(self._status["result"]["sequence"])}
 
     def save(self, path: str | os.PathLike[str], *, timeout: float | None = None, cancel: CancelToken | None = None,
-             progress: bool | ProgressCallback | None = None, **options: Unpack[OutputOptions]) -> None:
+             progress: bool | ProgressCallback | None = None, **options: Unpack[SequenceSaveOptions]) -> None:
         """Writes all frames to a file whose extension chooses the format: .voxs, .npy, .npz, .vox, .zarr.zip, .zip (a
         file for each frame: points, or `format=`), .gif or .apng. Waits for the end of the job."""
         target = pathlib.Path(path)
@@ -457,6 +463,7 @@ class Animation(_JobStream):
                progress: bool | ProgressCallback | None = None, **options: Unpack[SequenceImageOptions]) -> Image:
         """An animated image of all frames: a GIF, which a notebook shows, or image="apng", "sheet" or "png" with
         frame=N. Waits for the end of the job."""
+        check_image({**self._selection, "crop": None})
         with Call(timeout, cancel, progress) as call:
             # The image shows the frames' common box, with crop and without.
             selection = {name: value for name, value in self._selection.items() if name != "crop"}

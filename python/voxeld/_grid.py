@@ -14,7 +14,7 @@ from . import _convert, _decode
 from ._call import Call, CancelToken, ProgressCallback
 from ._errors import error
 from ._image import Image, write
-from .options import GridImageOptions, OutputOptions
+from .options import GridImageOptions, SaveOptions
 
 if TYPE_CHECKING:
     from functools import cached_property
@@ -45,6 +45,8 @@ SEQUENCE_FORMATS = {".voxs": ["native"], ".npy": ["npy"], ".npz": ["npz"], ".vox
                              "schem", "litematic", "nbt", "vdb", "nvdb", "bt", "ldr", "vtu", "inp", "ktx2", "raw",
                              "slices"]}
 IMAGES = {".png": "png", ".gif": "gif", ".apng": "apng"}
+# Changes that the server makes after it has taken a part, and that it draws in no image.
+CHANGES = ("keep", "dilate", "erode", "hollow", "crop", "mirror")
 
 
 class Voxels:
@@ -259,7 +261,7 @@ class Grid(Voxels):
         return self._part(level=level, level_rule=rule)
 
     def region(self, first: Sequence[int], end: Sequence[int]) -> Grid:
-        """The cells from `first` to `end`, which is not included: x, y, z each."""
+        """The cells from `first` to `end`, which is not included: x, y, z each. A level is taken of a region."""
         return self._part(region=[*map(int, first), *map(int, end)])
 
     def _part(self, **selection: Any) -> Grid:
@@ -267,12 +269,16 @@ class Grid(Voxels):
         if twice:
             raise error("invalid-option", "a part of a grid", expected="one level and one region",
                         got=f"a second {sorted(twice)[0]}")
+        late = given_changes(self._selection, *(("level",) if "region" in selection else ()))
+        if late:
+            raise error("invalid-option", "a part of a grid", expected="a region, then a level, of a stored grid",
+                        got=f"one with {late[0]}")
         return Grid(self._client, self.id, job=self.job, selection={**self._selection, **selection})
 
     # --- files and images
 
     def save(self, path: str | os.PathLike[str], *, timeout: float | None = None, cancel: CancelToken | None = None,
-             progress: bool | ProgressCallback | None = None, **options: Unpack[OutputOptions]) -> None:
+             progress: bool | ProgressCallback | None = None, **options: Unpack[SaveOptions]) -> None:
         """Writes a file whose extension chooses the format: .voxg, .npy, .npz, .vox, .xyz, .glb, .ply, .obj, .vti,
         .nrrd, .mha, .nii.gz, .binvox, .csv, .pcd, .qb, .schem, .litematic, .nbt,
         .zarr.zip, .vdb, .nvdb, .bt, .ldr, .vtu, .inp, .ktx2, .raw.zip, .slices.zip, .png or .gif.
@@ -296,11 +302,12 @@ class Grid(Voxels):
         options: width, height (pixels), azimuth, elevation (degrees), style, … of docs/options.md; image="gif" with
         turntable=N for views from all around.
         """
+        check_image(self._selection)
         with Call(timeout, cancel, progress) as call:
             return self._client._image(call, {"grid": self.id}, {**self._selection, **options})
 
-    def _repr_png_(self) -> bytes:
-        return bytes(self.render())
+    def _repr_png_(self) -> bytes | None:
+        return None if given_changes(self._selection, "remap") else bytes(self.render())
 
     # --- types of other libraries, which are imported by these methods alone
 
@@ -338,6 +345,19 @@ class Frame(Grid):
         super().__init__(client, str(listed["grid"]), job=job, voxel_count=count, selection=selection)
         self.index = int(listed["index"])
         self.time = float(listed["time_s"])
+
+
+def given_changes(selection: Mapping[str, Any], *others: str) -> list[str]:
+    """The changes of voxels, and of the others, that a selection has."""
+    return [name for name in (*CHANGES, *others) if selection.get(name) not in (None, False, "no", 0)]
+
+
+def check_image(selection: Mapping[str, Any]) -> None:
+    """Refuses what no image has."""
+    changes = given_changes(selection, "remap")
+    if changes:
+        raise error("invalid-option", "an image of an animation or of its frame",
+                    expected="one without changes of voxels, or save() to a format of voxels", got=changes[0])
 
 
 def save_options(path: pathlib.Path, formats: Mapping[str, list[str]], options: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 import base64
 import os
 import pathlib
+import uuid
 
 from ._errors import error
 
@@ -46,7 +47,7 @@ def write(path: pathlib.Path, data: bytes | bytearray) -> None:
             path.write_bytes(data)
             return
         target = path.resolve()
-        part = target.with_name(f".{target.name}.{os.getpid()}.part")
+        part = target.with_name(f".{uuid.uuid4().hex}.part")  # threads may write to one path
         try:
             part.write_bytes(data)
             os.replace(part, target)

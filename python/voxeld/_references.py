@@ -178,8 +178,8 @@ def _read(path: pathlib.Path) -> bytes:
 
 
 def _text_lines(data: bytes) -> list[str]:
-    encoding = "utf-16" if data[:2] in UTF16_MARKS else "utf-8-sig"
-    return data.decode(encoding, errors="surrogateescape").splitlines()
+    encoding, errors = ("utf-16", "replace") if data[:2] in UTF16_MARKS else ("utf-8-sig", "surrogateescape")
+    return data.decode(encoding, errors).splitlines()
 
 
 def _lines(path: pathlib.Path) -> list[str]:
@@ -257,7 +257,7 @@ def _of_gltf(mesh: pathlib.Path, names: _Names) -> None:
             head = file.read(20)  # of a GLB: a header of 12 bytes, length and type of the first chunk, which is JSON
             is_glb = head.startswith(b"glTF")
             document = json.loads(file.read(int.from_bytes(head[12:16], "little")) if is_glb else head + file.read())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return  # sent as it is: the daemon reports the error
     for key in ("buffers", "images"):
         items = document.get(key) if isinstance(document, dict) else None

@@ -22,7 +22,7 @@ from ._client import Animation, Client
 from ._grid import Frame, Grid
 from ._image import Image
 from ._mesh import Asset, Mesh
-from .options import AnimateOptions, OutputOptions, RenderOptions, VoxelizeOptions
+from .options import AnimateOptions, RenderOptions, SaveOptions, VoxelizeOptions
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -135,7 +135,7 @@ class AsyncClient:
             mesh, timeout=timeout, cancel=token, progress=progress, **options))
 
     async def save(self, grid: Grid, path: str | os.PathLike[str], *, timeout: float | None = None,
-                   progress: bool | ProgressCallback | None = False, **options: Unpack[OutputOptions]) -> None:
+                   progress: bool | ProgressCallback | None = False, **options: Unpack[SaveOptions]) -> None:
         """Grid.save()"""
         await _in_thread(lambda token: grid.save(path, timeout=timeout, cancel=token, progress=progress, **options))
 

@@ -52,14 +52,18 @@ class GridOptions(TypedDict, total=False):
     pipeline: Literal["auto", "raster", "compute", "cpu"]
 
 
-class PoseOptions(TypedDict, total=False):
-    """One moment of an animation."""
+class AnimationOptions(TypedDict, total=False):
+    """Of an animation."""
     animation: str | int
-    time: float
     root_motion: Literal["keep", "strip"]
 
 
-class SequenceOptions(PoseOptions, total=False):
+class PoseOptions(AnimationOptions, total=False):
+    """One moment of an animation."""
+    time: float
+
+
+class SequenceOptions(AnimationOptions, total=False):
     """The frames of an animation."""
     frames: str | int | range
     fps: float
@@ -141,6 +145,16 @@ class SequenceImageOptions(GridImageOptions, total=False):
     frame: int
 
 
+class SaveOptions(OutputOptions, ImageOptions, total=False):
+    """Of a file of a grid, which may be an image."""
+
+
+class SequenceSaveOptions(SaveOptions, total=False):
+    """Of a file of an animation, which may be an image."""
+    frames: str | int | range
+    frame: int
+
+
 class VoxelizeOptions(GridOptions, PoseOptions, PlaceOptions, JobOptions, total=False):
     """Of voxelize(): one grid."""
 
@@ -149,8 +163,14 @@ class AnimateOptions(GridOptions, SequenceOptions, PlaceOptions, JobOptions, tot
     """Of animate(): a sequence of grids."""
 
 
+class EstimateOptions(AnimateOptions, total=False):
+    """Of estimate(): of voxelize() or animate()."""
+    time: float
+
+
 class RenderOptions(GridOptions, SequenceOptions, SelectionOptions, ImageOptions, JobOptions, total=False):
     """Of render(): an image of a mesh."""
+    time: float
     frame: int
 
 

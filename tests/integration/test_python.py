@@ -1,6 +1,8 @@
 """The Python package against the real daemon: meshes in, arrays, files and images out."""
 import asyncio
+import concurrent.futures
 import contextlib
+import functools
 import importlib
 import importlib.util
 import io
@@ -152,8 +154,26 @@ class Grids(PythonTest):
         both = grid.region(first, end).level(1)
         self.assert_rows_are_those_of_the_daemon(both, "&region=4,8,0,36,28,16&level=1&level_rule=any")
         self.problem(voxeld.BadInput, "invalid-option", "a second level", of=lambda: grid.level(1).level(1))
+        # The daemon takes a region of the stored grid's cells, and changes what it has taken.
+        self.problem(voxeld.BadInput, "invalid-option", "one with level", of=lambda: grid.level(1).region(first, end))
+        for change in ({"mirror": "y"}, {"erode": 1}):
+            frame = next(iter(self.client.animate(self.fixtures / "spin.glb", fps=1, size=16, **change)))
+            for part in (functools.partial(frame.region, first, end), functools.partial(frame.level, 1)):
+                self.problem(voxeld.BadInput, "invalid-option", f"one with {next(iter(change))}", of=part)
         grid.level(2).save(self.dir / "coarse.npz")
         self.assertEqual(np.load(self.dir / "coarse.npz")["occupancy"].shape, grid.level(2).shape)
+
+    def test_threads_that_write_to_one_file_write_it_whole(self):
+        path = self.dir / "latest.png"
+
+        def save(value):
+            for _ in range(25):
+                voxeld.Image(bytes([value]) * 200_000).save(path)
+                data = path.read_bytes()
+                self.assertEqual(data, data[:1] * 200_000)
+        with concurrent.futures.ThreadPoolExecutor(4) as threads:
+            list(threads.map(save, range(4)))
+        self.assertEqual([each.name for each in self.dir.glob(".*")], [])
 
     def test_the_extension_chooses_the_format_of_a_file(self):
         grid = self.client.voxelize(self.sample, size=24)
@@ -393,6 +413,7 @@ class Meshes(PythonTest):
         path = self.dir / "a.obj"
         for text, is_found in ((b"v 0 0 0\r\n \tmtllib\ta.mtl # c\r\n", True), (b"#\rmtllib a.mtl\r", True),
                                (b"\xef\xbb\xbfmtllib a.mtl", True), ("mtllib a.mtl\n".encode("utf-16"), True),
+                               ("mtllib a.mtl\n".encode("utf-16") + b"a", True),
                                (b"# mtllib a.mtl\n", False), (b"xmtllib a.mtl\n", False)):
             path.write_bytes(text)
             self.assertEqual(paths_of(path), ["a.mtl"] * is_found, text)
@@ -401,6 +422,11 @@ class Meshes(PythonTest):
         self.addCleanup(tracemalloc.stop)
         self.assertEqual(paths_of(path), ["a.mtl"])
         self.assertLess(tracemalloc.get_traced_memory()[1], 2 * path.stat().st_size)
+
+    def test_a_gltf_of_countless_brackets_is_sent_as_it_is(self):
+        path = self.dir / "deep.gltf"
+        path.write_text("[" * 100_000)
+        self.problem(voxeld.BadInput, "malformed-mesh", "depth", of=lambda: self.client.voxelize(path, size=8))
 
     def test_a_mesh_that_names_itself_is_sent_once(self):
         for name, text in (("a.obj", "mtllib a.obj\n"), ("a.gltf", '{"buffers": [{"uri": "a.gltf"}]}')):
@@ -524,6 +550,8 @@ class Animations(PythonTest):
         self.assertGreater(len(still), 0)
         self.problem(voxeld.BadInput, "invalid-option", "animate()", of=lambda: self.client.voxelize(
             self.fixtures / "spin.glb", animation=0, time=None))
+        self.problem(voxeld.BadInput, "invalid-option", "voxelize()", of=lambda: self.client.animate(
+            self.fixtures / "spin.glb", time=0.25))
 
     def test_what_changes_voxels_is_in_frames_and_in_files(self):
         animation = self.client.animate(self.fixtures / "spin.glb", fps=4, size=16, mirror="x", level=1)
@@ -534,6 +562,10 @@ class Animations(PythonTest):
         self.assertEqual(np.load(self.dir / "half.npy").shape[1:], frames[1].dims[::-1])
         cropped = self.client.animate(self.fixtures / "spin.glb", fps=4, size=16, padding=4, crop=True)
         self.problem(voxeld.BadInput, "invalid-option", "crop", of=lambda: list(cropped))
+        for of in (frames[1].render, animation.render, functools.partial(animation.save, self.dir / "a.gif")):
+            self.problem(voxeld.BadInput, "invalid-option", "mirror", of=of)
+        self.assertIsNone(frames[1]._repr_png_())
+        self.assertEqual(cropped.render(width=16, height=16).media_type, "image/gif")
         cropped.save(self.dir / "box.npy")
         self.assertLess(max(np.load(self.dir / "box.npy").shape[1:]), 16)
 
@@ -560,6 +592,8 @@ class Animations(PythonTest):
         animation = self.client.animate(self.fixtures / "spin.glb", fps=4, size=17)
         frames = list(animation)
         self.problem(voxeld.Error, "conflict", "is a frame", of=lambda: self.client.delete(frames[1]))
+        for part in (frames[1].level(1), frames[1].region((0, 0, 0), (4, 4, 4))):
+            self.problem(voxeld.BadInput, "invalid-option", "a part", of=lambda: self.client.delete(part))
         self.assertEqual([frame.id for frame in animation], [frame.id for frame in frames])
         self.client.delete(animation)
         self.problem(voxeld.NotFound, "gone", of=lambda: frames[1].coords)

@@ -210,7 +210,8 @@ class Types(unittest.TestCase):
                   "blocks", "dither", "schem_version", "zarr_version"}
         made_of = typing.get_type_hints
         voxelize = set(schemas["VoxelizeOptions"])
-        self.assertEqual(set(made_of(options.AnimateOptions)) - of_job, (voxelize - output - {"time"}) | {"time"})
+        self.assertEqual(set(made_of(options.AnimateOptions)) - of_job, voxelize - output - {"time"})
+        self.assertEqual(set(made_of(options.EstimateOptions)) - of_job, voxelize - output)
         self.assertEqual(set(made_of(options.VoxelizeOptions)) - of_job, voxelize - output - sequence)
         self.assertEqual(set(made_of(options.RenderOptions)) - of_job, set(schemas["RenderOptions"]))
         self.assertEqual(set(made_of(options.OutputOptions)), set(schemas["ExportOptions"]) - {"frames", "filename"})
@@ -250,11 +251,12 @@ class Types(unittest.TestCase):
                               "g: voxeld.Grid = voxeld.voxelize('a.ply', size=3, channels=['color'], fill='solid')\n"
                               "n: int = g.coords.shape[0]\n"
                               "for frame in voxeld.animate('a.zip', frames=range(3)):\n    t: float = frame.time\n"
+                              "g.save('a.gif', turntable=8, width=128)\n"
                               "voxeld.voxelize('a.ply', sise=3)\n"
                               "voxeld.voxelize('a.ply', fill='solids')\n")
             done = subprocess.run([*command, script], env={**os.environ, "MYPYPATH": str(python_package.PACKAGE)},
                                   capture_output=True, text=True)
-            self.assertEqual(re.findall(r"user\.py:(\d+): error", done.stdout), ["6", "7"], done.stdout)
+            self.assertEqual(re.findall(r"user\.py:(\d+): error", done.stdout), ["7", "8"], done.stdout)
 
     def test_importing_it_imports_no_other_library_than_numpy(self):
         script = ("import sys, numpy\nbefore = set(sys.modules)\nimport voxeld\n"
