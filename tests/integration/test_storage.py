@@ -57,6 +57,19 @@ class Limits(Storage):
         wait_until(lambda: 0 < self.metric(daemon, "voxeld_store_bytes") <= 900 << 10, "the store is within its limit")
         self.assertEqual(daemon.get(f"/v1/jobs/{self.voxelize(daemon, 40)}/result").status, 200)
 
+    def test_beside_assets_that_take_nearly_all_the_newest_results_stay(self):
+        limit = 4 << 20
+        daemon = self.start("--store-bytes-max", str(limit))
+        mesh = daemon.upload(self.fixtures / "sample.ply")
+        mesh_bytes = daemon.get("/v1/assets/" + mesh).json()["bytes"]
+        daemon.post("/v1/assets?filename=a.obj", os.urandom(limit * 97 // 100 - mesh_bytes))
+        for size in range(40, 100, 2):
+            job = self.voxelize(daemon, size)
+            if self.metric(daemon, "voxeld_evictions_total") > 0:
+                break
+        self.wait_evictions(daemon, 1)
+        self.assertEqual(daemon.get(f"/v1/jobs/{job}/result").status, 200)
+
     def test_assets_alone_over_the_limit_refuse_uploads_until_one_is_deleted(self):
         daemon = self.start("--store-bytes-max", "100K")
         asset = daemon.post("/v1/assets?filename=a.obj", b"#" * 200_000).json()["id"]
@@ -311,6 +324,12 @@ class FullDisk(FullDiskTest):
         self.assertEqual((status["state"], status["error"]["code"]), ("failed", "invalid-option"), status)
 
     def test_a_daemon_starts_on_a_full_disk_and_deletes(self):
+        for end in (Daemon.kill_gateway, Daemon.stop):
+            with self.subTest(end.__name__):
+                self.check_start(end)
+                shutil.rmtree(self.disk + "/data")
+
+    def check_start(self, end):
         daemon = self.start("--disk-reserve", "0", "--workers-per-device", "1", data_dir=self.disk + "/data")
         done = self.voxelize(daemon, 200)
         blob = self.file_of(daemon, daemon.get(f"/v1/jobs/{done}/result").headers["ETag"].strip('"'))
@@ -319,7 +338,9 @@ class FullDisk(FullDiskTest):
         giant = {"size": 16384, "channels": "occupancy", "cache": "no"}
         running, queued = (daemon.submit(kind="voxelize", asset=asset, options=giant) for _ in range(2))
         daemon.wait_state(running, "running")
-        daemon.kill_gateway()
+        # A removed file would be the room that the daemon needs.
+        wait_until(lambda: not os.listdir(self.disk + "/data/trash"), "the second copy of the mesh is removed")
+        end(daemon)
         self.take_the_rest()
         daemon.start(until_ready=False)  # it takes no uploads
         for job in (running, queued):
@@ -330,6 +351,8 @@ class FullDisk(FullDiskTest):
             self.assertEqual(daemon.request("DELETE", "/v1/" + path).status, status, path)
         wait_until(lambda: self.free_bytes() + self.ballast_bytes() >= result_bytes,
                    lambda: (self.free_bytes(), self.ballast_bytes()))
+        os.unlink(self.disk + "/hog")
+        daemon.stop()
 
     def test_a_job_that_writes_more_than_one_worker_may_fails_alone(self):
         daemon = self.start("--worker-scratch-max", "2M", data_dir=self.disk + "/data")

@@ -60,7 +60,7 @@ Result<AddedKey> add_key(const std::filesystem::path& data_dir, const NewKey& wa
     VOXELD_ASSIGN(key.expires_ms, parse_expiry(wanted.expires, key.created_ms));
   }
   const Status done = change_keys(data_dir, [&](KeyList& keys) -> Status {
-    if (const ApiKey* other = newest_live_key(keys, key.tenant, key.created_ms)) {
+    if (const ApiKey* other = newest_key(keys, key.tenant, key.created_ms)) {
       key.weight = other->weight;
       key.limits = other->limits;
     }

@@ -139,10 +139,11 @@ Result<std::optional<KeyList>> read_keys(const fs::path& file) {
   return std::optional(std::move(keys));
 }
 
-const ApiKey* newest_live_key(const KeyList& keys, std::string_view tenant, int64_t now_ms) {
+const ApiKey* newest_key(const KeyList& keys, std::string_view tenant,
+                         std::optional<int64_t> live_at_ms) {
   const ApiKey* newest = nullptr;
   for (const ApiKey& key : keys) {
-    if (key.tenant != tenant || !key.is_live(now_ms)) continue;
+    if (key.tenant != tenant || (live_at_ms && !key.is_live(*live_at_ms))) continue;
     if (newest == nullptr || key.created_ms >= newest->created_ms) newest = &key;
   }
   return newest;

@@ -35,8 +35,10 @@ std::string keys_text(const KeyList& keys);
 // keys_text() writes; those of read_private().
 Result<std::optional<KeyList>> read_keys(const std::filesystem::path& file);
 
-// The key whose limits and weight are the tenant's; null where none is live.
-const ApiKey* newest_live_key(const KeyList& keys, std::string_view tenant, int64_t now_ms);
+// The key whose limits and weight are the tenant's, of those that are live then; null where it has
+// none.
+const ApiKey* newest_key(const KeyList& keys, std::string_view tenant,
+                         std::optional<int64_t> live_at_ms = std::nullopt);
 
 // Reads the list (without a file: an empty one), lets `change` work on it and puts it in the file's
 // place, synced. The directory is made where it is missing. Errors: those of read_keys() and of

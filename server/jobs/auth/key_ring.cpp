@@ -49,7 +49,7 @@ int64_t KeyRing::weight_of(std::string_view tenant) const {
   const std::shared_ptr<const Keys> keys = current();
   const auto own = keys->by_tenant.find(tenant);
   if (own == keys->by_tenant.end()) return 1;
-  const ApiKey* key = newest_live_key(own->second, tenant, unix_time_ms());
+  const ApiKey* key = newest_key(own->second, tenant, unix_time_ms());
   return key == nullptr ? 1 : key->weight;
 }
 
@@ -65,8 +65,9 @@ TenantLimits KeyRing::limits_of(std::string_view tenant) const {
   const std::shared_ptr<const Keys> keys = current();
   const auto own = keys->by_tenant.find(tenant);
   if (own == keys->by_tenant.end()) return {};
-  const ApiKey* key = newest_live_key(own->second, tenant, unix_time_ms());
-  return key == nullptr ? TenantLimits{} : key->limits;
+  const ApiKey* key = newest_key(own->second, tenant, unix_time_ms());
+  if (key == nullptr) key = newest_key(own->second, tenant);
+  return key->limits;
 }
 
 bool KeyRing::has_several_tenants() const {
@@ -74,7 +75,7 @@ bool KeyRing::has_several_tenants() const {
   const int64_t now_ms = unix_time_ms();
   int tenants = 0;
   for (const auto& [tenant, own] : keys->by_tenant) {
-    if (newest_live_key(own, tenant, now_ms) != nullptr && ++tenants > 1) return true;
+    if (newest_key(own, tenant, now_ms) != nullptr && ++tenants > 1) return true;
   }
   return false;
 }

@@ -51,7 +51,8 @@ class KeyRing {
   // The holder of the key of that id, as if it had been presented; for links that were signed in
   // its name. nullopt where is_live() is false.
   std::optional<Holder> holder_of(std::string_view key_id) const;
-  // The limits of the tenant's newest live key; none without keys.
+  // The limits of the tenant's newest live key; where none is live, but jobs may still wait, of the
+  // newest that it had. None without keys.
   TenantLimits limits_of(std::string_view tenant) const;
 
   // A number that changes when a key is added, changed or revoked, or expires.

@@ -64,7 +64,7 @@ constexpr std::string_view kJobs = R"sql(
 -- number where there is none (kNoDeadline). deadline_at_ms: the same as announced at acceptance; 0:
 -- none. device_us: for how long it has had its device.
 -- displaced_bytes: that a worker took with it when it was ended for want of memory; 0: none was.
--- queued_ms: since when it has been in the queue again, once it was preempted; 0: since created_ms.
+-- queued_ms: since when it has been in the queue again, once it has run; 0: since created_ms.
 CREATE TABLE jobs (
   seq ROW_NUMBER,
   id TEXT NOT NULL UNIQUE,

@@ -31,7 +31,7 @@ struct JobRecord {
   // That its worker took when it was ended because all workers together took too much; 0: never.
   int64_t displaced_bytes = 0;
   double upload_ms = 0;
-  int64_t queued_ms = 0;             // Unix time: accepted, or preempted last
+  int64_t queued_ms = 0;             // Unix time: accepted, or last back in the queue
   std::string request_id, trace_id;  // of the request that submitted it
   bool was_preempted = false;        // by the change that gave this record
   bool is_result_gone = false;       // its result expired or was deleted

@@ -17,6 +17,14 @@ namespace {
 // for three years are fewer than this.
 constexpr int64_t kVersionJump = 1'000'000'000;
 
+// The stages of a job that goes back to the queue, with the wait that ended when it started. Its
+// next wait begins now.
+StageTimes waited_timings(const JobRecord& running) {
+  StageTimes timings = running.status.timings;
+  add_stage(timings, "queue", static_cast<double>(running.status.started_ms - running.queued_ms));
+  return timings;
+}
+
 }  // namespace
 
 Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int64_t fence,
@@ -41,9 +49,11 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
           "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - $2, lost_workers = "
           "$3,"
           " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1,"
-          " device_us = device_us + $5, displaced_bytes = $6 WHERE id = $1",
+          " device_us = device_us + $5, displaced_bytes = $6, timings_json = $7, queued_ms = $8"
+          " WHERE id = $1",
           id, int64_t{loss.counts ? 0 : 1}, lost, live.version, live.device_us,
-          std::max(running->displaced_bytes, loss.displaced_bytes)));
+          std::max(running->displaced_bytes, loss.displaced_bytes),
+          timings_text(waited_timings(*running)), unix_time_ms()));
     }
     VOXELD_ASSIGN(changed, record_change(connection, id));
     return {};
@@ -60,9 +70,7 @@ Result<std::optional<JobRecord>> JobStore::preempt(const TaskPreemption& preempt
     if (!running) return {};
     const bool is_wanted = !running->cancel_requested;
     if (is_wanted) {
-      const JobStatus& status = running->status;
-      StageTimes timings = status.timings;
-      add_stage(timings, "queue", static_cast<double>(status.started_ms - running->queued_ms));
+      StageTimes timings = waited_timings(*running);
       for (const auto& [stage, ms] : preempt.timings) add_stage(timings, stage, ms);
       VOXELD_TRY(connection.run(
           "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
@@ -120,8 +128,8 @@ Result<int64_t> JobStore::recover(int64_t stopped_ms) {
       } else {
         VOXELD_TRY(
             connection.run("UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
-                           " version = $2 WHERE id = $1",
-                           id, live_version));
+                           " version = $2, timings_json = $3, queued_ms = $4 WHERE id = $1",
+                           id, live_version, timings_text(waited_timings(record)), unix_time_ms()));
       }
       VOXELD_TRY(record_change(connection, id));
     }

@@ -28,15 +28,16 @@ constexpr std::string_view kUses[] = {"blob = $1", "grid = $1 AND grid <> ''",
 
 using Ids = std::vector<std::string>;
 
-// No live job works on any part of them.
+// Between the two, which they are not. No live job works on any part of them.
 // `column`: used_ms, or aged_ms, which is 0 as long as it is not known.
 Result<std::vector<ExpiringResult>> old_results(SqlConnection& connection, std::string_view column,
-                                                int64_t before_ms, int64_t count_max) {
+                                                int64_t after_ms, int64_t before_ms,
+                                                int64_t count_max) {
   const std::string by(column);
   VOXELD_ASSIGN(
       SqlStatement rows,
       connection.query(
-          "SELECT seq, job_id FROM results r WHERE expired_ms = 0 AND " + by + " <> 0 AND " + by +
+          "SELECT seq, job_id FROM results r WHERE expired_ms = 0 AND " + by + " > $3 AND " + by +
               " < $1"
               " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.state IN ('queued',"
               " 'running') AND ((n.grid <> '' AND n.grid IN (r.grid, r.blob))"
@@ -45,7 +46,7 @@ Result<std::vector<ExpiringResult>> old_results(SqlConnection& connection, std::
               " WHERE f.job_id = r.job_id AND f.grid = n.grid))))"
               " ORDER BY " +
               by + ", seq LIMIT $2",
-          before_ms, std::min(count_max, kBatch)));
+          before_ms, std::min(count_max, kBatch), after_ms));
   std::vector<ExpiringResult> results;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
@@ -200,20 +201,35 @@ Result<int64_t> Retention::count(Aged what) {
   return row.int64(0);
 }
 
+Result<int64_t> Retention::asset_bytes() {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(SqlStatement row,
+                reader->query("SELECT COALESCE(SUM(bytes), 0) FROM"
+                              " (SELECT DISTINCT id, bytes FROM assets WHERE deleted_ms = 0)"));
+  VOXELD_TRY(row.step());
+  return row.int64(0);
+}
+
 Result<int64_t> Retention::expire_results(int64_t used_before_ms, int64_t bytes_wanted) {
-  return expire_results_by("used_ms", used_before_ms, kBatch, bytes_wanted);
+  // Noted before the system's clock was set back: no use since then.
+  const int64_t ahead_ms = unix_time_ms() + kUsePrecisionMs;
+  auto expired = expire_results_by("used_ms", ahead_ms, used_before_ms, kBatch, bytes_wanted);
+  if (!expired || *expired > 0) return expired;
+  return expire_results_by("used_ms", 0, used_before_ms, kBatch, bytes_wanted);
 }
 
 Result<int64_t> Retention::expire_aged_results(int64_t aged_before_ms, int64_t count_max) {
-  return expire_results_by("aged_ms", aged_before_ms, count_max, kAllBytes);
+  return expire_results_by("aged_ms", 0, aged_before_ms, count_max, kAllBytes);
 }
 
-Result<int64_t> Retention::expire_results_by(std::string_view column, int64_t before_ms,
-                                             int64_t count_max, int64_t bytes_wanted) {
+Result<int64_t> Retention::expire_results_by(std::string_view column, int64_t after_ms,
+                                             int64_t before_ms, int64_t count_max,
+                                             int64_t bytes_wanted) {
   Ids ids;
   int64_t expired = 0;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const auto results, old_results(connection, column, before_ms, count_max));
+    VOXELD_ASSIGN(const auto results,
+                  old_results(connection, column, after_ms, before_ms, count_max));
     // Each file once; what others need too is counted all the same.
     std::set<std::string> counted;
     int64_t bytes = 0;

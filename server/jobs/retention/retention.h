@@ -32,6 +32,8 @@ class Retention {
   void touch(const std::string& blob) EXCLUDES(mutex_);
   Status flush() EXCLUDES(mutex_);
 
+  // Bytes of all assets, which never expire by size.
+  Result<int64_t> asset_bytes();
   // Results that were used last before `used_before_ms` of the wall clock, the oldest first. Those
   // that live jobs work on stay. Ends early where that frees `bytes_wanted`.
   Result<int64_t> expire_results(int64_t used_before_ms, int64_t bytes_wanted = kAllBytes);
@@ -71,8 +73,8 @@ class Retention {
 
  private:
   Status note_use(const std::string& id, std::string_view uses, int64_t at_ms);
-  Result<int64_t> expire_results_by(std::string_view column, int64_t before_ms, int64_t count_max,
-                                    int64_t bytes_wanted);
+  Result<int64_t> expire_results_by(std::string_view column, int64_t after_ms, int64_t before_ms,
+                                    int64_t count_max, int64_t bytes_wanted);
   Result<int64_t> trim_records_of(std::string_view tenant);
   // `quarantine_day`: as of remove_blobs().
   Result<int64_t> remove(const std::vector<std::string>& ids, std::string_view quarantine_day = {});

@@ -215,7 +215,11 @@ void StoreSweep::make_room() {
     is_full_ = false;
     return;
   }
-  const auto goal = static_cast<int64_t>(static_cast<double>(limits_.store_bytes_max) * kFullPart);
+  auto goal = static_cast<int64_t>(static_cast<double>(limits_.store_bytes_max) * kFullPart);
+  // Of the room that assets leave, at most half is made at once.
+  if (const auto assets = retention_.asset_bytes()) {
+    goal = std::max(goal, *assets + (limits_.store_bytes_max - *assets) / 2);
+  }
   constexpr int64_t kEver = std::numeric_limits<int64_t>::max();
   note_uses();
   int64_t evicted = 0;

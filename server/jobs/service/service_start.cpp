@@ -221,6 +221,7 @@ Result<std::unique_ptr<JobService>> start_job_service(
     VOXELD_ASSIGN(BlobStore blobs,
                   BlobStore::open(config.data_dir, config.storage.disk_reserve_bytes));
     VOXELD_ASSIGN(PartStore parts, PartStore::open(config.data_dir));
+    (void)blobs.disk().make_way();  // SQLite writes while it opens
     VOXELD_ASSIGN(StoreDatabase store, open_store_database(blobs, config.store_match));
     auto service =
         std::make_unique<Service>(config, std::move(lock), std::move(blobs), std::move(parts),

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <utility>
 
 #include "server/base/guard.h"
@@ -18,9 +19,10 @@ Error too_much_memory(int64_t bytes, int64_t bytes_max) {
 }
 
 Error too_long(double seconds, double seconds_max) {
-  return {ErrorCode::kDeadlineExceeded, "the job ran too long",
-          "at most " + std::to_string(std::lround(seconds_max)) + " s",
-          std::to_string(std::lround(seconds)) + " s"};
+  char expected[48], got[32];
+  std::snprintf(expected, sizeof expected, "at most %g s", seconds_max);
+  std::snprintf(got, sizeof got, "%.1f s", seconds);
+  return {ErrorCode::kDeadlineExceeded, "the job ran too long", expected, got};
 }
 
 }  // namespace

@@ -63,15 +63,15 @@ TEST_F(KeyFileTest, a_list_is_read_as_it_was_written) {
   EXPECT_EQ((*keys)[0].expires_ms, 2);
 }
 
-TEST_F(KeyFileTest, limits_and_weight_are_those_of_the_newest_live_key) {
+TEST_F(KeyFileTest, limits_and_weight_are_those_of_the_newest_key) {
   ApiKey old = key("abcdefgh"), now = key("bbcdefgh"), revoked = key("cbcdefgh");
   old.created_ms = 1;
   now.created_ms = 2;
   revoked.created_ms = 3;
   revoked.revoked_ms = 4;
   const KeyList keys = {now, old, revoked};
-  EXPECT_EQ(newest_live_key(keys, "lab", 10)->id, now.id);
-  EXPECT_EQ(newest_live_key(keys, "other", 10), nullptr);
+  EXPECT_EQ(newest_key(keys, "lab", 10)->id, now.id);
+  EXPECT_EQ(newest_key(keys, "other", 10), nullptr);
 }
 
 TEST_F(KeyFileTest, no_file_is_no_list_and_a_head_alone_is_an_empty_one) {

@@ -94,6 +94,22 @@ TEST_F(KeyRingTest, the_weight_of_a_tenant_is_that_of_its_newest_live_key) {
   EXPECT_EQ(ring->weight_of("lab"), 1);
 }
 
+TEST_F(KeyRingTest, limits_of_a_tenant_stay_those_of_its_newest_key_where_none_is_live) {
+  const std::string first = add("lab"), second = add("lab");
+  EXPECT_TRUE(change_keys(dir_.path(), [](KeyList& keys) -> Status {
+    keys[0].limits.cells = 7;
+    keys[1].limits.cells = 5;
+    return {};
+  }));
+  const auto ring = open();
+  EXPECT_EQ(ring->limits_of("lab").cells, 5);
+  revoke(second);
+  EXPECT_EQ(ring->limits_of("lab").cells, 7);
+  revoke(first);
+  EXPECT_EQ(ring->limits_of("lab").cells, 5) << "its jobs may still wait";
+  EXPECT_EQ(ring->limits_of("nobody").cells, 0);
+}
+
 TEST_F(KeyRingTest, keys_that_are_wrong_malformed_unknown_or_expired_are_not_admitted) {
   const std::string good = add("lab"), other = add("other");
   const std::string expired = add("lab", false, unix_time_ms() - 1);

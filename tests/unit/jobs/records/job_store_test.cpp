@@ -404,6 +404,28 @@ TEST_F(JobStoreTest, what_an_earlier_process_left_running_is_queued_again_in_its
   EXPECT_EQ(get(second).queue_position, 1);
 }
 
+TEST_F(JobStoreTest, the_time_in_the_queue_is_no_time_in_which_a_lost_job_ran) {
+  const std::string id = submit(request(put_asset("mesh"))).status.id;
+  constexpr std::string_view kWaitedOneSecondRanAnHour =
+      "UPDATE jobs SET queued_ms = started_ms - 3601000, started_ms = started_ms - 3600000";
+  const auto age = [&] {
+    ASSERT_TRUE(database_->write(
+        [&](SqlConnection& connection) { return connection.run(kWaitedOneSecondRanAnHour); }));
+  };
+  const JobRecord lost = claim();
+  age();
+  ASSERT_TRUE(store_->lose_worker(id, lost.fence, {"gone", true}, 0).value());
+  claim();
+  age();
+  open();
+  EXPECT_EQ(store_->recover(0).value(), 1);
+  const auto done = store_->complete(finished(claim()), 0).value();
+  ASSERT_TRUE(done);
+  EXPECT_EQ(done->status.timings[0].first, "queue");
+  EXPECT_GE(done->status.timings[0].second, 2000);
+  EXPECT_LT(done->status.timings[0].second, 3'600'000);
+}
+
 // Power loss may have undone its claim, and watchers have seen versions of the progress after that.
 TEST_F(JobStoreTest, after_a_restart_nobody_has_seen_the_version_of_a_waiting_job) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;

@@ -173,6 +173,28 @@ TEST_F(RetentionTest, no_more_results_go_than_make_the_room_that_is_wanted) {
   EXPECT_TRUE(stored("three"));
 }
 
+TEST_F(RetentionTest, results_that_seem_used_in_the_future_go_first) {
+  for (const char* text : {"before", "earlier", "since"}) made("mesh", text);
+  ASSERT_TRUE(sql("UPDATE results SET used_ms = used_ms + 86400000 + seq WHERE seq < 3"));
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs, 1).value(), 1);
+  EXPECT_FALSE(stored("before"));
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 1);
+  EXPECT_FALSE(stored("earlier"));
+  EXPECT_TRUE(stored("since"));
+  EXPECT_EQ(retention_.expire_results(kEndOfTimeMs).value(), 1);
+}
+
+TEST_F(RetentionTest, assets_of_several_tenants_have_their_bytes_once) {
+  put_asset("mesh");
+  const std::string other = put_asset("other");
+  ASSERT_TRUE(
+      sql("INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant)"
+          " SELECT id, filename, content_type, bytes, created_ms, 'lab' FROM assets"));
+  EXPECT_EQ(retention_.asset_bytes().value(), 9);
+  ASSERT_TRUE(sql("UPDATE assets SET deleted_ms = 1 WHERE id = '" + other + "'"));
+  EXPECT_EQ(retention_.asset_bytes().value(), 4);
+}
+
 TEST_F(RetentionTest, an_expired_result_is_computed_again) {
   made("mesh", "result");
   EXPECT_TRUE(submit(sha256_id("mesh")).cached);

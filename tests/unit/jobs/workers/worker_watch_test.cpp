@@ -153,7 +153,7 @@ TEST(WorkerWatch, too_long_a_job_ends) {
       verdicts({.job_seconds_max = 10}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 12.4});
   ASSERT_GE(told.size(), 1u);
   EXPECT_EQ(told[0].second.code, ErrorCode::kDeadlineExceeded);
-  EXPECT_EQ(told[0].second.message(), "the job ran too long: expected at most 10 s, got 12 s");
+  EXPECT_EQ(told[0].second.message(), "the job ran too long: expected at most 10 s, got 12.4 s");
   EXPECT_TRUE(verdicts({.job_seconds_max = 10}, {.pid = ::getpid(), .task = "", .task_seconds = 12})
                   .empty());
   EXPECT_TRUE(verdicts({}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 1e9}).empty());
