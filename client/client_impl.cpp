@@ -1,10 +1,6 @@
 #include "client/client_impl.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
@@ -12,6 +8,7 @@
 #include "client/content_check.h"
 #include "client/grid_impl.h"
 #include "client/responses.h"
+#include "client/source_reader.h"
 #include "proto/asset_id.h"
 #include "proto/messages/job.h"
 #include "proto/text/hex.h"
@@ -39,45 +36,13 @@ constexpr int kWaitRetries = 8;
 constexpr std::chrono::seconds kCancelTime = 10s;
 const std::string kIdempotencyKey = "Idempotency-Key: ";
 
-// Reads a Source piece by piece.
-struct SourceReader {
-  std::function<size_t(std::span<std::byte>)> read;
-  std::optional<long long> bytes;
-};
-
-SourceReader file_reader(const std::filesystem::path& path) {
-  std::error_code error;
-  const auto bytes = std::filesystem::file_size(path, error);
-  auto file = std::make_shared<std::ifstream>(path, std::ios::binary);
-  if (error || !*file) {
-    throw Error("file", 0, path.string() + ": " + (error ? error.message() : std::strerror(errno)));
-  }
-  return {[file](std::span<std::byte> buffer) {
-            file->read(reinterpret_cast<char*>(buffer.data()),
-                       static_cast<std::streamsize>(buffer.size()));
-            return static_cast<size_t>(file->gcount());
-          },
-          static_cast<long long>(bytes)};
-}
-
-// The bytes must outlive the reader.
-SourceReader memory_reader(std::span<const std::byte> bytes) {
-  auto left = std::make_shared<std::span<const std::byte>>(bytes);
-  return {[left](std::span<std::byte> buffer) {
-            const size_t count = std::min(buffer.size(), left->size());
-            std::ranges::copy(left->first(count), buffer.begin());
-            *left = left->subspan(count);
-            return count;
-          },
-          static_cast<long long>(bytes.size())};
-}
-
-SourceReader text_reader(const std::string& text) {
-  return memory_reader(std::as_bytes(std::span(text)));
-}
-
 bool is_good(const HttpResponse& response) {
   return response.failure == HttpResponse::Failure::kNone && response.status / 100 == 2;
+}
+
+std::string header_of(const HttpResponse& response, const std::string& name) {
+  const auto it = response.headers.find(name);
+  return it == response.headers.end() ? std::string() : it->second;
 }
 
 // Whether nothing was done and a later try may succeed.
@@ -85,6 +50,16 @@ bool is_busy(const HttpResponse& response) {
   return response.failure == HttpResponse::Failure::kUnreachable ||
          (response.failure == HttpResponse::Failure::kNone &&
           (response.status == 429 || response.status == 503));
+}
+
+// Whether the daemon may have taken the request, but its response was lost: here, or by a proxy. A
+// 504 of the daemon's own has a code.
+bool is_lost(const HttpResponse& response) {
+  if (response.failure != HttpResponse::Failure::kNone) {
+    return response.failure == HttpResponse::Failure::kBroken;
+  }
+  return (response.status == 502 || response.status == 504) &&
+         !header_of(response, "content-type").starts_with("application/problem+json");
 }
 
 // Whether it may be sent again where its response was lost: it reads, or the daemon knows it again.
@@ -99,11 +74,6 @@ std::string random_key() {
   std::string key;
   for (int i = 0; i < 16; ++i) append_hex(key, static_cast<uint8_t>(random()));
   return key;
-}
-
-std::string header_of(const HttpResponse& response, const std::string& name) {
-  const auto it = response.headers.find(name);
-  return it == response.headers.end() ? std::string() : it->second;
 }
 
 // Refuses a key with a line feed or the like, which would add a header of its own.
@@ -181,7 +151,7 @@ void ClientImpl::fail(const HttpResponse& response) const {
   }
   const Json problem = Json::parse(response.body, nullptr, false);
   if (!problem.is_object() || text_of(problem, "code").empty()) {
-    throw Error("bad-response", response.status,
+    throw Error(response.status == 413 ? "payload-too-large" : "bad-response", response.status,
                 settings_.url + ": status " + std::to_string(response.status));
   }
   throw Error(text_of(problem, "code"), response.status, text_of(problem, "detail"),
@@ -214,9 +184,8 @@ HttpResponse ClientImpl::call(HttpRequest request, const std::string& body,
       request.body_bytes = reader.bytes;
     }
     HttpResponse response = transport_.exchange(request);
-    const bool is_lost =
-        response.failure == HttpResponse::Failure::kBroken && is_repeatable(request);
-    if ((is_busy(response) || is_lost) && attempt < settings_.retries) {
+    const bool is_away = is_busy(response) || (is_lost(response) && is_repeatable(request));
+    if (is_away && attempt < settings_.retries) {
       pause(attempt, response, stop);
       continue;
     }
@@ -348,7 +317,8 @@ std::string ClientImpl::send(const Source& source, const ProgressCallback& progr
     };
     const HttpResponse response = transport_.exchange(request);
     if (stopped) throw interrupted();
-    if (is_busy(response) && repeatable && attempt < settings_.retries) {
+    const bool is_away = is_busy(response) || is_lost(response);
+    if (is_away && (repeatable || sent == 0) && attempt < settings_.retries) {
       pause(attempt, response, stop);
       continue;
     }
@@ -407,7 +377,7 @@ HttpResponse ClientImpl::poll(HttpRequest request, std::chrono::seconds time, in
   for (int attempt = 0;; ++attempt) {
     HttpResponse response = transport_.exchange(request);
     if (stop.stop_requested()) throw interrupted();
-    const bool is_away = is_busy(response) || response.failure == HttpResponse::Failure::kBroken;
+    const bool is_away = is_busy(response) || is_lost(response);
     if (is_away && attempt < retries) {
       pause(attempt, response, stop);
       continue;
@@ -548,7 +518,7 @@ void ClientImpl::fetch(std::string_view path, std::string_view what, const Sink&
       if (check) check->finish(what);
       return;
     }
-    const bool resumable = response.failure == HttpResponse::Failure::kBroken || is_busy(response);
+    const bool resumable = is_busy(response) || is_lost(response);
     if (!resumable || attempt >= settings_.retries || (done > 0 && etag.empty())) fail(response);
     pause(attempt, response, stop);
   }

@@ -1,6 +1,4 @@
 // Grid::save: writes a grid to a file, by the daemon for all formats but the native container.
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
@@ -10,11 +8,10 @@
 #include "client/client_impl.h"
 #include "client/grid_impl.h"
 #include "proto/output_format.h"
+#include "proto/part_file.h"
 
 namespace voxeld::client {
 namespace {
-
-constexpr int kPartNamesMax = 100;  // names that are tried for a part
 
 // A file beside `path` that replaces it when it is complete.
 class PartFile {
@@ -54,12 +51,8 @@ class PartFile {
     std::error_code error;
     const std::filesystem::path real = std::filesystem::canonical(path_, error);
     target_ = error ? path_ : real;
-    // Another thread may write one, and a process of this number may have left one.
-    const std::string part = target_.string() + ".part-" + std::to_string(getpid());
-    for (int i = 0; file_ == nullptr && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {
-      part_ = i == 0 ? part : part + "-" + std::to_string(i);
-      file_ = std::fopen(part_.c_str(), "wbx");
-    }
+    const int descriptor = create_part(target_, part_);
+    if (descriptor >= 0) file_ = ::fdopen(descriptor, "wb");
   }
   [[noreturn]] void fail() const {
     throw Error("file", 0, path_.string() + ": " + std::strerror(errno));

@@ -94,7 +94,15 @@ int on_progress(void* user, curl_off_t, curl_off_t, curl_off_t, curl_off_t) {
              : 1;
 }
 
-HttpResponse::Failure failure_of(CURLcode code) {
+// libcurl has one code for a URL of another protocol and for a server that does not speak HTTP.
+bool is_other_server(CURL* curl, CURLcode code) {
+  long connections = 0;
+  curl_easy_getinfo(curl, CURLINFO_NUM_CONNECTS, &connections);
+  return code == CURLE_UNSUPPORTED_PROTOCOL && connections > 0;
+}
+
+HttpResponse::Failure failure_of(CURL* curl, CURLcode code) {
+  if (is_other_server(curl, code)) return HttpResponse::Failure::kBroken;
   switch (code) {
     case CURLE_OK:
       return HttpResponse::Failure::kNone;
@@ -117,6 +125,7 @@ HttpResponse::Failure failure_of(CURLcode code) {
 // another.
 std::string failure_text(CURL* curl, CURLcode code, std::string_view own, const std::string& url) {
   constexpr std::string_view kConnect = "Failed to connect to ";
+  if (is_other_server(curl, code)) return "the server does not speak HTTP";
   if (code == CURLE_UNSUPPORTED_PROTOCOL) return "the URL begins with neither http:// nor https://";
   if (code == CURLE_COULDNT_RESOLVE_HOST) return "the name of the host is not known";
   if (own.empty()) return curl_easy_strerror(code);
@@ -228,7 +237,7 @@ HttpResponse Transport::exchange(const HttpRequest& request) {
 
   long status = 0;
   curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
-  response.failure = failure_of(code);
+  response.failure = failure_of(curl, code);
   response.status = static_cast<int>(status);
   // A response that arrives before the whole body was sent (413, say) is still valid.
   if (response.failure == HttpResponse::Failure::kBroken && status >= 400 &&

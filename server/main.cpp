@@ -6,6 +6,7 @@
 #include <type_traits>
 #include <variant>
 
+#include "proto/standard_descriptors.h"
 #include "proto/version.h"
 #include "server/base/log.h"
 #include "server/config.h"
@@ -93,5 +94,6 @@ int run(const Command& command, const std::string& self) {
 }  // namespace voxeld
 
 int main(int argc, char** argv) {
+  voxeld::keep_standard_descriptors();
   return voxeld::run(voxeld::parse_command_line(argc, argv), voxeld::self_executable(argv[0]));
 }

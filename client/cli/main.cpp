@@ -12,6 +12,7 @@
 #include "client/cli/daemon/server.h"
 #include "client/cli/terminal/human.h"
 #include "client/cli/terminal/interrupt.h"
+#include "proto/standard_descriptors.h"
 
 namespace {
 
@@ -62,6 +63,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  voxeld::keep_standard_descriptors();
   try {
     return run(argc, argv);
   } catch (const std::exception& error) {

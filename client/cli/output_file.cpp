@@ -1,17 +1,24 @@
 #include "client/cli/output_file.h"
 
 #include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <cstring>
+#include <thread>
+#include <utility>
 
 #include "client/include/voxeld/client.h"
+#include "proto/part_file.h"
 
 namespace voxeld::cli {
 namespace {
 
-constexpr int kPartNamesMax = 100;  // names that are tried for a part
+constexpr std::chrono::milliseconds kStopLook{50};  // between two looks at the stop token
 
 std::filesystem::path linked_path(const std::filesystem::path& path) {
   std::error_code error;
@@ -21,37 +28,41 @@ std::filesystem::path linked_path(const std::filesystem::path& path) {
 
 }  // namespace
 
-OutputFile::OutputFile(const std::string& path) : path_(path) {
+OutputFile::OutputFile(const std::string& path, std::stop_token stop)
+    : path_(path), stop_(std::move(stop)) {
   if (path == "-") {
-    file_ = stdout;
-    return;
+    descriptor_ = STDOUT_FILENO;
+  } else {
+    open();
   }
+  struct stat info {};
+  is_stream_ = ::fstat(descriptor_, &info) == 0 && !S_ISREG(info.st_mode);
+}
+
+void OutputFile::open() {
   std::error_code error;
-  const auto status = std::filesystem::status(path, error);
+  const auto status = std::filesystem::status(path_, error);
   // A device or a pipe (/dev/null, a fifo) must not be replaced by a new file.
-  const bool is_special =
-      std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
-  if (is_special) {
-    file_ = std::fopen(path.c_str(), "wb");
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
+    // An open that waits for who reads a fifo would not notice a stop.
+    while ((descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK)) < 0 &&
+           errno == ENXIO && std::filesystem::is_fifo(status)) {
+      check_stop();
+      std::this_thread::sleep_for(kStopLook);
+    }
   } else {
     // A link stays a link to the file, also to one that is not there yet.
-    const std::filesystem::path real = std::filesystem::canonical(path, error);
-    target_ = error ? linked_path(path) : real;
-    // A process of this number may have left one: the first of a container always has the same.
-    const std::string part = target_.string() + ".part-" + std::to_string(getpid());
-    for (int i = 0; file_ == nullptr && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {
-      part_ = i == 0 ? part : part + "-" + std::to_string(i);
-      file_ = std::fopen(part_.c_str(), "wbx");
-    }
+    const std::filesystem::path real = std::filesystem::canonical(path_, error);
+    target_ = error ? linked_path(path_) : real;
+    descriptor_ = create_part(target_, part_);
   }
-  if (file_ == nullptr) {
-    part_.clear();
-    fail("cannot be written");
-  }
+  if (descriptor_ >= 0) return;
+  part_.clear();
+  fail("cannot be written");
 }
 
 OutputFile::~OutputFile() {
-  if (file_ != nullptr && file_ != stdout) std::fclose(file_);
+  if (descriptor_ >= 0 && descriptor_ != STDOUT_FILENO) ::close(descriptor_);
   std::error_code ignored;
   if (!part_.empty()) std::filesystem::remove(part_, ignored);
 }
@@ -61,16 +72,32 @@ void OutputFile::fail(const char* what) const {
                       (path_ == "-" ? "stdout" : path_) + " " + what + ": " + std::strerror(errno));
 }
 
+void OutputFile::check_stop() const {
+  if (stop_.stop_requested()) throw client::Error("interrupted", 0, "stopped by the caller");
+}
+
 void OutputFile::write(std::span<const std::byte> piece) {
-  if (std::fwrite(piece.data(), 1, piece.size(), file_) != piece.size()) fail("cannot be written");
-  bytes_ += piece.size();
+  while (!piece.empty()) {
+    size_t count = piece.size();
+    if (is_stream_) {
+      // So much does not wait once there is room; a write that waits would not notice a stop.
+      count = std::min<size_t>(count, PIPE_BUF);
+      pollfd output{descriptor_, POLLOUT, 0};
+      while (::poll(&output, 1, static_cast<int>(kStopLook.count())) == 0) check_stop();
+    }
+    const ssize_t written = ::write(descriptor_, piece.data(), count);
+    if (written < 0) {
+      if (errno == EAGAIN || errno == EINTR) continue;
+      fail("cannot be written");
+    }
+    piece = piece.subspan(static_cast<size_t>(written));
+    bytes_ += static_cast<std::uint64_t>(written);
+  }
 }
 
 void OutputFile::keep() {
-  if (std::fflush(file_) != 0) fail("cannot be written");
-  if (file_ == stdout) return;
-  const int closed = std::fclose(file_);
-  file_ = nullptr;
+  if (descriptor_ == STDOUT_FILENO) return;
+  const int closed = ::close(std::exchange(descriptor_, -1));
   if (closed != 0) fail("cannot be written");
   if (part_.empty()) return;
   if (std::rename(part_.c_str(), target_.c_str()) != 0) fail("cannot be replaced");

@@ -3,18 +3,19 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <span>
+#include <stop_token>
 #include <string>
 
 namespace voxeld::cli {
 
-// Throws client::Error "file" (what, where, why) if something cannot be written.
+// Throws client::Error "file" (what, where, why) if something cannot be written, "interrupted" if a
+// stop is requested while a pipe, a terminal or a socket takes nothing.
 class OutputFile {
  public:
   // "-" is stdout.
-  explicit OutputFile(const std::string& path);
+  OutputFile(const std::string& path, std::stop_token stop);
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
   ~OutputFile();  // removes an unfinished file
@@ -25,13 +26,17 @@ class OutputFile {
   std::uint64_t bytes() const { return bytes_; }
 
  private:
+  void open();
+  void check_stop() const;
   [[noreturn]] void fail(const char* what) const;
 
   std::string path_;
+  std::stop_token stop_;
   std::filesystem::path target_;  // what path_ leads to
   std::filesystem::path
       part_;  // written next to target_, renamed at the end; empty: written directly
-  std::FILE* file_ = nullptr;
+  int descriptor_ = -1;
+  bool is_stream_ = false;  // no file of a disk
   std::uint64_t bytes_ = 0;
 };
 

@@ -1,4 +1,5 @@
 """The CLI voxel, as a person or a script uses it."""
+import contextlib
 import io
 import json
 import os
@@ -7,12 +8,13 @@ import signal
 import socket
 import subprocess
 import tempfile
+import threading
 import unittest
 import zipfile
 
 import numpy as np
 
-from harness import BIN, DaemonTest
+from harness import BIN, DaemonTest, wait_until
 
 
 class Cli(DaemonTest):
@@ -225,6 +227,43 @@ class Cli(DaemonTest):
                     self.assertEqual(process.wait(60), 130)
                 (self.dir / "a.ply").unlink()
                 self.assertEqual(list(self.dir.iterdir()), [])
+
+    def test_a_signal_ends_the_wait_for_who_reads_the_output(self):
+        # The grid is more than a pipe takes.
+        command = [BIN / "voxel", self.fixtures / "sample.ply", "--size", "100", "--format", "npy", "--url",
+                   self.daemon.url, "-o"]
+        with subprocess.Popen([*command, "-"], stdout=subprocess.PIPE) as process:
+            self.addCleanup(process.kill)
+            self.assertEqual(process.stdout.read(1), b"\x93")
+            process.send_signal(signal.SIGTERM)
+            self.assertEqual(process.wait(60), 130)
+        os.mkfifo(self.dir / "fifo")
+        with subprocess.Popen([*command, self.dir / "fifo"]) as process:
+            self.addCleanup(process.kill)
+            wait_until(lambda: len(os.listdir(f"/proc/{process.pid}/task")) > 1, "it looks for signals")
+            process.send_signal(signal.SIGTERM)
+            self.assertEqual(process.wait(60), 130)
+
+    def test_output_to_a_stdout_that_is_closed_is_a_failure(self):
+        job = json.loads(self.voxel(self.fixtures / "sample.ply", "--size", 20, "-o", self.dir / "a.vox",
+                                    "--json").stdout)["job"]["id"]
+        done = subprocess.run(["sh", "-c", '"$@" >&-', "sh", BIN / "voxel", "jobs", job, "-o", "-", "--url",
+                               self.daemon.url], stderr=subprocess.PIPE, timeout=120)
+        self.assertEqual((done.returncode, done.stderr), (1, b"voxel: stdout cannot be written: Bad file descriptor\n"))
+
+    def test_a_server_that_does_not_speak_http_is_told_from_a_url_of_another_protocol(self):
+        with socket.create_server(("127.0.0.1", 0)) as other:
+            def answer():
+                with contextlib.suppress(OSError):
+                    while True:
+                        with other.accept()[0] as connection:
+                            connection.sendall(b"SSH-2.0-OpenSSH\r\n")
+                            connection.recv(1000)
+            threading.Thread(target=answer, daemon=True).start()
+            url = f"http://127.0.0.1:{other.getsockname()[1]}"
+            done = self.voxel("whoami", url=url)
+        self.assertEqual((done.returncode, done.stderr.decode()),
+                         (5, f"voxel: {url}: the server does not speak HTTP\n"))
 
     def test_output_that_a_full_disk_loses_is_a_failure(self):
         for arguments in (("--help",), ("generate", "man"), ("formats",), ("whoami",)):

@@ -6,6 +6,7 @@ import pty
 import re
 import shutil
 import signal
+import stat
 import subprocess
 import tempfile
 import time
@@ -137,6 +138,26 @@ class CliFiles(DaemonTest):
                               env=self.environment, timeout=120)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue((self.dir / "a.vox").read_bytes().startswith(b"VOX "))
+
+    def test_a_file_that_is_replaced_keeps_its_rights(self):
+        mesh, = self.meshes("a.ply")
+        for mode in (0o600, 0o664):
+            path = self.dir / f"{mode}.vox"
+            path.touch()
+            path.chmod(mode)
+            self.assertEqual(self.voxel(mesh, "-o", path, "--size", 8).returncode, 0)
+            self.assertEqual((stat.S_IMODE(path.stat().st_mode), path.read_bytes()[:4]), (mode, b"VOX "))
+
+    def test_what_is_told_goes_into_no_file_without_stderr(self):
+        for i in range(8):
+            (self.dir / f"{i}.obj").write_text(f"mtllib none.mtl\nv 0 0 0\nv {i + 1} 0 0\nv 0 1 0\nf 1 2 3\n")
+        arguments = [BIN / "voxel", *sorted(self.dir.glob("*.obj")), "--format", "vox", "--size", "30", "--out-dir"]
+        for folder, closed in (("a", ""), ("b", " 2>&-")):
+            done = subprocess.run(["sh", "-c", '"$@"' + closed, "sh", *arguments, self.dir / folder],
+                                  env=self.environment, timeout=120)
+            self.assertEqual(done.returncode, 0)
+        for path in (self.dir / "a").iterdir():
+            self.assertEqual((self.dir / "b" / path.name).read_bytes(), path.read_bytes())
 
     def test_a_link_stays_a_link_to_the_output(self):
         mesh, = self.meshes("a.ply")

@@ -83,7 +83,7 @@ class Batch {
     try {
       const MeshSource mesh = MeshSource::open(file.input, {}, stop_);
       mesh.check_output(file.output);
-      OutputFile output(file.output);
+      OutputFile output(file.output, stop_);
       const client::Sink sink = [&](std::span<const std::byte> piece) { output.write(piece); };
       const bool is_render = arguments_.command == Arguments::Command::kRender;
       outcome.job = is_render

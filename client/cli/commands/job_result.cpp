@@ -30,10 +30,10 @@ std::string output_of(const Arguments& arguments) {
 
 // Runs `make(sink, progress)`, which produces one job's result, and writes it to the output.
 template <typename Make>
-void write_result(const Arguments& arguments, Make&& make) {
+void write_result(const Arguments& arguments, const std::stop_token& stop, Make&& make) {
   const auto start = Clock::now();
   const std::string path = output_of(arguments);
-  OutputFile output(path);
+  OutputFile output(path, stop);
   ProgressBar bar(arguments.quiet);
   const JobInfo job = make([&](std::span<const std::byte> piece) { output.write(piece); },
                            [&](const client::Progress& progress) {
@@ -167,9 +167,10 @@ void run_voxelize(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
   const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop, arguments.pipe);
   mesh.check_output(arguments.output);
-  write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
-    return daemon.voxelize_to(mesh.source(), arguments.options, sink, progress, stop);
-  });
+  write_result(arguments, stop,
+               [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+                 return daemon.voxelize_to(mesh.source(), arguments.options, sink, progress, stop);
+               });
 }
 
 void run_render(const Arguments& arguments, const std::stop_token& stop) {
@@ -177,30 +178,32 @@ void run_render(const Arguments& arguments, const std::stop_token& stop) {
   if (arguments.input.empty()) {
     const client::Input input = {"", arguments.grid, arguments.sequence};
     write_result(
-        arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+        arguments, stop, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
           return make_of_stored(daemon, "render", input, arguments.options, sink, progress, stop);
         });
     return;
   }
   const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside, stop, arguments.pipe);
   mesh.check_output(arguments.output);
-  write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
-    return daemon.render_to(mesh.source(), arguments.options, sink, progress, stop);
-  });
+  write_result(arguments, stop,
+               [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+                 return daemon.render_to(mesh.source(), arguments.options, sink, progress, stop);
+               });
 }
 
 void run_job_result(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
-  write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
-    JobInfo job = daemon.wait(arguments.job, progress, stop);
-    const Conversion conversion = conversion_to(arguments.output, job);
-    if (conversion.is_needed) {
-      return make_of_stored(daemon, "export", conversion.input, conversion.options, sink, progress,
-                            stop);
-    }
-    daemon.download(job.id, sink, progress, stop);
-    return job;
-  });
+  write_result(arguments, stop,
+               [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+                 JobInfo job = daemon.wait(arguments.job, progress, stop);
+                 const Conversion conversion = conversion_to(arguments.output, job);
+                 if (conversion.is_needed) {
+                   return make_of_stored(daemon, "export", conversion.input, conversion.options,
+                                         sink, progress, stop);
+                 }
+                 daemon.download(job.id, sink, progress, stop);
+                 return job;
+               });
 }
 
 }  // namespace voxeld::cli

@@ -115,6 +115,32 @@ TEST(Retry, other_failures_are_reported_at_once) {
   }
 }
 
+TEST(Retry, a_proxy_that_has_lost_the_daemon_is_asked_again_where_that_does_nothing_twice) {
+  const CannedResponse lost{.status = 502, .body = "<html>Bad Gateway</html>"};
+  ScriptedServer server({lost, job_response("queued"), CannedResponse{.status = 504, .body = ""},
+                         job_response("done"), lost, CannedResponse{.body = "RESULT"}});
+  Client client(server.url());
+  client.submit("voxelize", Input::of_asset("sha256-a"), {});
+  EXPECT_EQ(client.wait("j-1").state, "done");
+  std::vector<std::byte> result;
+  client.download("j-1", [&](std::span<const std::byte> piece) {
+    result.insert(result.end(), piece.begin(), piece.end());
+  });
+  EXPECT_EQ(result, bytes_of("RESULT"));
+  const auto asked = server.asked();
+  ASSERT_THAT(asked, SizeIs(6));
+  EXPECT_EQ(asked[1].header("idempotency-key"), asked[0].header("idempotency-key"));
+  ScriptedServer other({lost, job_response("cancelled")});
+  EXPECT_EQ(error_of([&] { Client(other.url()).cancel("j-1"); }).http_status(), 502);
+}
+
+TEST(Errors, a_body_that_is_too_large_for_a_proxy_is_too_large) {
+  ScriptedServer server({CannedResponse{.status = 413, .body = "<html>Too Large</html>"}});
+  Client client(server.url());
+  EXPECT_EQ(error_of([&] { client.upload(Source::memory(bytes_of("mesh"), "a.obj")); }).code(),
+            "payload-too-large");
+}
+
 TEST(Errors, a_problem_document_becomes_an_error_with_all_its_parts) {
   ScriptedServer server({CannedResponse{
       .status = 400,

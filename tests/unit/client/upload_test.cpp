@@ -127,6 +127,14 @@ TEST(Upload, a_bundle_with_a_stream_is_sent_once) {
   EXPECT_THAT(server.asked(), SizeIs(2));
 }
 
+TEST(Upload, a_stream_of_which_nothing_was_read_is_sent_again) {
+  ScriptedServer server({json_response(kAsset)}, std::chrono::milliseconds(300));
+  int calls = 0;
+  EXPECT_EQ(Client(settings_for(server.url(), 10)).upload(stream_of("mesh", 1000, &calls, "a.obj")),
+            "sha256-a");
+  EXPECT_EQ(server.asked()[0].body, "mesh");
+}
+
 TEST(Upload, memory_is_sent_with_its_length) {
   ScriptedServer server({json_response(kAsset)});
   Client(server.url()).upload(Source::memory(bytes_of("solid"), "a.stl"));
@@ -250,13 +258,18 @@ TEST(Upload, a_response_without_an_id_is_a_bad_response) {
   EXPECT_THAT(error.what(), HasSubstr("no asset"));
 }
 
-TEST(Upload, a_connection_that_breaks_is_unreachable) {
+TEST(Upload, a_connection_that_breaks_is_tried_again_unless_a_stream_was_read) {
   CannedResponse cut = json_response(kAsset);
   cut.cut_after = 3;
-  ScriptedServer server({cut});
-  Client client(server.url());
-  EXPECT_EQ(error_of([&] { client.upload(Source::memory(bytes_of("x"), "a")); }).code(),
-            "unreachable");
+  ScriptedServer server({cut, json_response(kAsset), cut, cut, cut});
+  Client client(settings_for(server.url(), 1));
+  const Source mesh = Source::memory(bytes_of("x"), "a");
+  EXPECT_EQ(client.upload(mesh), "sha256-a");
+  EXPECT_EQ(error_of([&] { client.upload(mesh); }).code(), "unreachable");
+  int calls = 0;
+  const Source stream = stream_of("mesh", 1000, &calls, "a.obj");
+  EXPECT_EQ(error_of([&] { client.upload(stream); }).code(), "unreachable");
+  EXPECT_THAT(server.asked(), SizeIs(5));
 }
 
 TEST(Upload, an_exception_of_the_stream_passes_through) {
@@ -287,13 +300,13 @@ TEST(Upload, progress_of_a_bundle_is_that_of_all_its_files) {
   ScriptedServer server({json_response(kAsset), problem_response(404, "not-found", ""),
                          json_response(kAsset), json_response(kAsset)});
   std::vector<Progress> seen;
-  Client(server.url()).upload(
-      Source::bundle({Source::file(mesh.path()),
-                      Source::memory(std::vector<std::byte>(70'000), "a.png")}),
-      [&](const Progress& now) {
-        seen.push_back(now);
-        return true;
-      });
+  Client(server.url())
+      .upload(Source::bundle({Source::file(mesh.path()),
+                              Source::memory(std::vector<std::byte>(70'000), "a.png")}),
+              [&](const Progress& now) {
+                seen.push_back(now);
+                return true;
+              });
   std::int64_t last = 0;
   for (const Progress& now : seen) {
     EXPECT_EQ(now.total, 100'000);
@@ -306,9 +319,9 @@ TEST(Upload, progress_of_a_bundle_is_that_of_all_its_files) {
   // As of a file, but of a stream nobody knows.
   int calls = 0;
   ScriptedServer other({json_response(kAsset), json_response(kAsset), json_response(kAsset)});
-  Client(other.url()).upload(Source::bundle({Source::file(mesh.path()),
-                                             stream_of("mesh", 10, &calls, "b.mtl")}),
-                             [&](const Progress& now) { return now.total == 0; });
+  Client(other.url())
+      .upload(Source::bundle({Source::file(mesh.path()), stream_of("mesh", 10, &calls, "b.mtl")}),
+              [&](const Progress& now) { return now.total == 0; });
 }
 
 TEST(Upload, a_stop_token_stops_it) {
