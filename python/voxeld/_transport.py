@@ -89,11 +89,21 @@ class _Broken(Exception):
         self.head = head
 
 
+def _is_busy(response: Response) -> bool:
+    return response.status in (429, 503)
+
+
+def _is_lost(response: Response) -> bool:
+    """Whether a proxy lost the daemon. A 504 of the daemon's own has a code."""
+    return (response.status in (502, 504)
+            and not response.headers.get("content-type", "").startswith("application/problem+json"))
+
+
 class Transport:
     """May be used by several threads at a time.
 
     idle_timeout: seconds without a byte from the daemon until an exchange fails. retries: further tries after 429,
-    503 or a refused connection.
+    503, a refused or a broken connection, also of a proxy (502, 504).
     """
 
     def __init__(self, server: Server, *, idle_timeout: float | None, retries: int) -> None:
@@ -145,9 +155,11 @@ class Transport:
             else:
                 if response.status // 100 == 2 or response.status in also_good:
                     return response
-                if response.status not in (429, 503) or attempt >= retries:
+                if not (_is_busy(response) or _is_lost(response)) or attempt >= retries:
                     raise self._problem(response)
                 call.pause(self._pause_seconds(attempt, response))
+                if _is_lost(response) and method == "DELETE":
+                    also_good = (*also_good, 404, 410)
             attempt += 1
 
     def json(self, call: Call, method: str, path: str, **arguments: Any) -> dict[str, Any]:
@@ -174,7 +186,7 @@ class Transport:
                     self._check_resumed(response, head, received)
                     head = head or response
                     break
-                if response.status not in (429, 503) or attempt >= self.retries:
+                if not (_is_busy(response) or _is_lost(response)) or attempt >= self.retries:
                     raise self._problem(response)
                 pause = self._pause_seconds(attempt, response)
             except _Broken as broken:

@@ -418,6 +418,13 @@ class Transport(TransportTest):
         sent = [one.done for one in seen if one.stage == "upload"]
         self.assertEqual((sent, sent[-1]), (sorted(sent), 6 << 20))
 
+    def test_a_proxy_that_has_lost_the_daemon_is_asked_again(self):
+        lost = response(502, b"<html>Bad Gateway</html>")
+        script = self.script(lost, json_response({"id": "sha256-a"}, 201), lost, problem(404, "not-found"))
+        asset = self.client.upload(b"v 0 0 0\n", filename="a.obj")
+        self.client.delete(asset)  # the first request may have done it
+        self.assertEqual(script.lines(), ["POST /v1/assets?filename=a.obj"] * 2 + ["DELETE /v1/assets/sha256-a"] * 2)
+
     def test_a_pipe_is_read_once(self):
         script = self.script(json_response({"id": "sha256-a"}, 201))
         with tempfile.TemporaryDirectory() as folder:
