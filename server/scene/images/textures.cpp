@@ -41,16 +41,22 @@ bool is_opaque(const Image& image) {
   return true;
 }
 
-void set_alpha(const Image& opacity, char channel, Image& image) {
+// The row of `from` that row y of `to` takes.
+const uint8_t* row_at(const Image& from, int64_t y, const Image& to) {
+  return &from.rgba[static_cast<size_t>(4 * (y * from.height / to.height) * from.width)];
+}
+
+// Fills `to`, each of whose texels takes those at its place. `color`: null for white.
+void combine(const Image* color, const Image& opacity, char channel, Image& to) {
   if (channel == 0) channel = is_opaque(opacity) ? 'l' : 'm';
-  for (int y = 0; y < image.height; ++y) {
+  uint8_t* texel = to.rgba.data();
+  for (int y = 0; y < to.height; ++y) {
     cancel_point();
-    const int64_t row = int64_t{y} * opacity.height / image.height;
-    for (int x = 0; x < image.width; ++x) {
-      const int64_t column = int64_t{x} * opacity.width / image.width;
-      const uint8_t* texel = &opacity.rgba[static_cast<size_t>(4 * (row * opacity.width + column))];
-      image.rgba[static_cast<size_t>(4 * (int64_t{y} * image.width + x) + 3)] =
-          channel_of(texel, channel);
+    const uint8_t* const color_row = color == nullptr ? nullptr : row_at(*color, y, to);
+    const uint8_t* const opacity_row = row_at(opacity, y, to);
+    for (int64_t x = 0; x < to.width; ++x, texel += 4) {
+      if (color != nullptr) std::copy_n(color_row + 4 * (x * color->width / to.width), 3, texel);
+      texel[3] = channel_of(opacity_row + 4 * (x * opacity.width / to.width), channel);
     }
   }
 }
@@ -101,18 +107,22 @@ int TextureSet::with_opacity(int image, int opacity, char channel, std::string_v
   if (opacity < 0 || (image == opacity && (channel == 0 || channel == 'm'))) return image;
   const auto [found, is_new] = with_opacity_.try_emplace({image, opacity, channel}, image);
   if (!is_new || !options_.decode_images) return found->second;
-  const Image& shown = scene_.images[static_cast<size_t>(image < 0 ? opacity : image)];
-  if (!budget_.take(shown.name, shown.width, shown.height, shown.rgba.size())) {
-    too_many(shown.name, needed_by);
+  const Image& mask = scene_.images[static_cast<size_t>(opacity)];
+  const Image* const color = image < 0 ? nullptr : &scene_.images[static_cast<size_t>(image)];
+  const Image& shown = color == nullptr ? mask : *color;
+  Image made{.name = shown.name,
+             .width = std::max(shown.width, mask.width),
+             .height = std::max(shown.height, mask.height),
+             .rgba = {}};
+  if (!budget_.take(made.name, made.width, made.height,
+                    std::max(shown.rgba.size(), mask.rgba.size()))) {
+    too_many(made.name, needed_by);
     return image;
   }
-  Image made{.name = shown.name, .width = shown.width, .height = shown.height, .rgba = {}};
-  if (image < 0) {
-    resize_in_pieces(made.rgba, shown.rgba.size(), uint8_t{255});
-  } else {
-    made.rgba = copied_in_pieces(shown.rgba.data(), shown.rgba.size());
-  }
-  set_alpha(scene_.images[static_cast<size_t>(opacity)], channel, made);
+  resize_in_pieces(made.rgba,
+                   size_t{4} * static_cast<size_t>(made.width) * static_cast<size_t>(made.height),
+                   uint8_t{255});
+  combine(color, mask, channel, made);
   return found->second = add_image(scene_, std::move(made));
 }
 

@@ -33,8 +33,8 @@ class TextureSet {
   // "broken-texture") and an entry of missing_files. `needed_by` names the material or file.
   int image_index(std::string_view reference, std::string_view needed_by);
   // Index of a copy of `image` (-1: white) that has the opacity which another one tells by a
-  // channel: r, g, b, m (its alpha) or l (luminance); 0: m, or l if all of it is opaque. Sizes may
-  // differ: each texel takes the one at its place. needed_by as above.
+  // channel: r, g, b, m (its alpha) or l (luminance); 0: m, or l if all of it is opaque. It is as
+  // large as the larger one on each axis. needed_by as above.
   int with_opacity(int image, int opacity, char channel, std::string_view needed_by);
 
  private:

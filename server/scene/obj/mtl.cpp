@@ -57,10 +57,9 @@ class MtlReader {
     } else if (keyword == "Tr") {
       material.tr = read_factor(keyword, words);
     } else if (equals_ignoring_case(keyword, "map_Kd")) {
-      material.map_kd = read_map(words, material);
+      material.map_kd = read_map("map_Kd", words, material.map_kd_options);
     } else if (equals_ignoring_case(keyword, "map_d")) {
-      MtlMaterial options;
-      material.map_d = read_map(words, options);
+      material.map_d = read_map("map_d", words, material.map_d_options);
       material.map_d_channel = imfchan_;
     } else if (is_other_map(keyword)) {
       material.other_maps.emplace_back(words.rest());
@@ -112,13 +111,15 @@ class MtlReader {
     return number;
   }
 
-  // Reads options into the material; returns the file's name.
-  std::string_view read_map(LineCursor words, MtlMaterial& material) {
+  // Reads the options of map_Kd or map_d; returns the file's name.
+  std::string_view read_map(std::string_view map, LineCursor words, MapOptions& options) {
+    map_ = map;
     imfchan_ = 0;
+    options = {};
     for (;;) {
       LineCursor ahead = words;
       const std::string_view word = ahead.token();
-      if (word.empty() || word[0] != '-' || !read_map_option(word, ahead, material)) break;
+      if (word.empty() || word[0] != '-' || !read_map_option(word, ahead, options)) break;
       words = ahead;
     }
     // The rest is the file's name, which may contain blanks.
@@ -126,7 +127,7 @@ class MtlReader {
   }
 
   // Reads the values of one option. Returns false if the word is not an option.
-  bool read_map_option(std::string_view option, LineCursor& words, MtlMaterial& material) {
+  bool read_map_option(std::string_view option, LineCursor& words, MapOptions& options) {
     if (option == "-o" || option == "-s" || option == "-t") {
       glm::vec2 value{option == "-s" ? 1.0f : 0.0f};
       for (int i = 0; i < 3; ++i) {
@@ -136,8 +137,8 @@ class MtlReader {
         if (i < 2 && is_coordinate(*number)) value[i] = static_cast<float>(*number);
         words = ahead;
       }
-      if (option == "-o") material.map_offset = value;
-      if (option == "-s") material.map_scale = value;
+      if (option == "-o") options.offset = value;
+      if (option == "-s") options.scale = value;
       return true;
     }
     const auto* known =
@@ -148,12 +149,12 @@ class MtlReader {
     if (known->value_count > 0) first = words.token();
     if (known->value_count > 1) second = words.token();
     if (option == "-imfchan" && !first.empty()) imfchan_ = first[0];
-    if (option == "-clamp") material.map_clamp = first == "on";
+    if (option == "-clamp") options.clamp = first == "on";
     if (option == "-mm" && (parse_number(first) != 0.0 || parse_number(second) != 1.0)) {
       warn_map(std::string(option) + " " + std::string(first) + " " + std::string(second),
                "as it is");
     }
-    if (option == "-colorspace" && !equals_ignoring_case(first, "sRGB")) {
+    if (option == "-colorspace" && map_ == "map_Kd" && !equals_ignoring_case(first, "sRGB")) {
       warn_map(std::string(option) + " " + std::string(first), "as sRGB");
     }
     return true;
@@ -161,15 +162,17 @@ class MtlReader {
 
   void warn_map(const std::string& option, std::string_view taken) {
     add_warning(scene_, "ignored-map-option",
-                std::string(name_) + " line " + std::to_string(cursor_.line()) + ": map_Kd " +
-                    option + ": the texture is taken " + std::string(taken));
+                std::string(name_) + " line " + std::to_string(cursor_.line()) + ": " +
+                    std::string(map_) + " " + option + ": the texture is taken " +
+                    std::string(taken));
   }
 
   std::string_view name_;
   TextCursor cursor_;
   Scene& scene_;
   std::vector<MtlMaterial> materials_;
-  char imfchan_ = 0;  // of the map that was read last
+  std::string_view map_;  // the keyword of the map that was read last
+  char imfchan_ = 0;      // its channel
 };
 
 float alpha_of(const MtlMaterial& mtl, Scene& scene) {
@@ -203,7 +206,12 @@ Material material_of(const MtlMaterial& mtl, Scene& scene) {
   glm::vec3 kd = mtl.kd ? linear_from_srgb(*mtl.kd) : glm::vec3(1.0f);
   if (kd == glm::vec3(0.0f) && !mtl.map_kd.empty()) kd = glm::vec3(1.0f);
   material.base_color = glm::vec4(kd, alpha_of(mtl, scene));
-  if (mtl.map_clamp) material.wrap_u = material.wrap_v = Wrap::kClamp;
+  if (mtl.map_options().clamp) material.wrap_u = material.wrap_v = Wrap::kClamp;
+  if (!mtl.map_kd.empty() && !mtl.map_d.empty() && mtl.map_d_options != mtl.map_kd_options) {
+    add_warning(scene, "ignored-map-option",
+                "material " + shown(mtl.name) +
+                    ": map_d: -s, -o and -clamp differ from those of map_Kd, which are used");
+  }
   return material;
 }
 

@@ -281,10 +281,10 @@ class ObjLoader {
     return next;
   }
 
-  // Applies "-s" and "-o" of the material's map, then moves the origin from bottom left to top
+  // Applies "-s" and "-o" of the material's texture, then moves the origin from bottom left to top
   // left.
   static glm::vec2 texel_uv(glm::vec2 uv, const MtlMaterial* mtl) {
-    if (mtl != nullptr) uv = uv * mtl->map_scale + mtl->map_offset;
+    if (mtl != nullptr) uv = uv * mtl->map_options().scale + mtl->map_options().offset;
     if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) uv = glm::vec2(0.0f);
     return {uv.x, 1.0f - uv.y};
   }

@@ -35,9 +35,7 @@ TEST(Mtl, options_of_maps_are_read_or_skipped) {
       "map_Kd -blendu on -bm 0.5 -mm 0 1 -s 2 3 4 -o 0.5 -t 1 1 1 -texres 8 -clamp on -imfchan r "
       "-cc off a b.png\n");
   EXPECT_EQ(m.map_kd, "a b.png");
-  EXPECT_EQ(m.map_scale, glm::vec2(2, 3));
-  EXPECT_EQ(m.map_offset, glm::vec2(0.5f, 0.0f));
-  EXPECT_TRUE(m.map_clamp);
+  EXPECT_EQ(m.map_options(), (MapOptions{{2, 3}, {0.5f, 0.0f}, true}));
 }
 
 TEST(Mtl, maps_of_opacity_name_a_file_and_a_channel) {
@@ -48,7 +46,9 @@ TEST(Mtl, maps_of_opacity_name_a_file_and_a_channel) {
   const MtlMaterial matte = parse_one("MAP_D -s 2 2 2 -imfchan m my holes.png\n");
   EXPECT_EQ(matte.map_d, "my holes.png");
   EXPECT_EQ(matte.map_d_channel, 'm');
-  EXPECT_EQ(matte.map_scale, glm::vec2(1.0f));
+  EXPECT_EQ(matte.map_options().scale, glm::vec2(2.0f));
+  const MtlMaterial both = parse_one("map_Kd -s 3 3 a.png\nmap_d -s 2 2 holes.png\n");
+  EXPECT_EQ(both.map_options().scale, glm::vec2(3.0f));
 }
 
 TEST(Mtl, options_of_colour_spaces_are_read_and_those_that_change_colours_are_reported) {
@@ -63,6 +63,10 @@ TEST(Mtl, options_of_colour_spaces_are_read_and_those_that_change_colours_are_re
             "a.mtl line 2: map_Kd -colorspace linear: the texture is taken as sRGB");
   EXPECT_EQ(scene.warnings[1].detail,
             "a.mtl line 3: map_Kd -mm 0 2: the texture is taken as it is");
+  parse_one("map_d -colorspace linear -mm 0.5 1 a.png\n", &scene);
+  ASSERT_EQ(scene.warnings.size(), 1u);
+  EXPECT_EQ(scene.warnings[0].detail,
+            "a.mtl line 2: map_d -mm 0.5 1: the texture is taken as it is");
 }
 
 TEST(Mtl, names_that_look_like_options_are_names) {

@@ -53,13 +53,19 @@ TEST(ObjMaterials, maps_of_opacity_become_the_textures_alpha) {
              "newmtl grey\nmap_Kd skin.tga\nmap_d grey.tga\n"
              "newmtl red\nmap_Kd skin.tga\nmap_d -imfchan r grey.tga\n"
              "newmtl alone\nmap_d holes.tga\n"
-             "newmtl gone\nmap_Kd skin.tga\nmap_d gone.tga\n");
+             "newmtl gone\nmap_Kd skin.tga\nmap_d gone.tga\n"
+             "newmtl fine\nmap_Kd swatch.tga\nmap_d fine.tga\n"
+             "newmtl cross\nmap_Kd row.tga\nmap_d holes.tga\n");
   bundle.add("skin.tga",
              tga_of(2, 2, {{1, 2, 3, 255}, {4, 5, 6, 255}, {7, 8, 9, 255}, {1, 1, 1, 255}}));
   bundle.add("holes.tga", tga_of(1, 2, {{9, 9, 9, 0}, {9, 9, 9, 200}}));
   bundle.add("grey.tga", tga_of(2, 1, {{90, 90, 90, 255}, {255, 0, 0, 255}}));
+  bundle.add("swatch.tga", tga_of(1, 1, {{5, 6, 7, 255}}));
+  bundle.add("fine.tga",
+             tga_of(2, 2, {{9, 9, 9, 0}, {9, 9, 9, 255}, {9, 9, 9, 255}, {9, 9, 9, 0}}));
+  bundle.add("row.tga", tga_of(2, 1, {{1, 2, 3, 255}, {4, 5, 6, 255}}));
   std::string text = std::string("mtllib a.mtl\n") + kUnitSquare + "vt 1 1\n";
-  for (const char* name : {"leaf", "same", "grey", "red", "alone", "gone"}) {
+  for (const char* name : {"leaf", "same", "grey", "red", "alone", "gone", "fine", "cross"}) {
     text += "usemtl " + std::string(name) + "\nf 1/1 2/1 3/1\n";
   }
   const auto scene = load_obj("a.obj", test::bytes_of(text), bundle, {});
@@ -74,8 +80,42 @@ TEST(ObjMaterials, maps_of_opacity_become_the_textures_alpha) {
   EXPECT_EQ(texels(3), (Bytes{1, 2, 3, 90, 4, 5, 6, 255, 7, 8, 9, 90, 1, 1, 1, 255}));
   EXPECT_EQ(texels(4), (Bytes{255, 255, 255, 0, 255, 255, 255, 200}));
   EXPECT_EQ(texels(5), (Bytes{1, 2, 3, 255, 4, 5, 6, 255, 7, 8, 9, 255, 1, 1, 1, 255}));
+  EXPECT_EQ(texels(6), (Bytes{5, 6, 7, 0, 5, 6, 7, 255, 5, 6, 7, 255, 5, 6, 7, 0}));
+  EXPECT_EQ(texels(7), (Bytes{1, 2, 3, 0, 4, 5, 6, 0, 1, 2, 3, 200, 4, 5, 6, 200}));
+  const Image& cross = scene->images.at(static_cast<size_t>(scene->materials.at(7).image));
+  EXPECT_EQ(cross.width, 2);
+  EXPECT_EQ(cross.height, 2);
   ASSERT_EQ(scene->missing_files.size(), 1u);
   EXPECT_EQ(scene->missing_files[0].name, "gone.tga");
+}
+
+TEST(ObjMaterials, options_of_map_d_count_where_it_is_alone) {
+  const struct {
+    const char* maps;
+    glm::vec2 uv;
+    Wrap wrap;
+    const char* warning;
+  } cases[] = {
+      {"map_d -s 2 3 -o 0.5 0 -clamp on h.png", {2.5f, -2.0f}, Wrap::kClamp, nullptr},
+      {"map_d -s 2 3 h.png\nmap_Kd -s 2 3 t.png", {2.0f, -2.0f}, Wrap::kRepeat, nullptr},
+      {"map_d -s 4 4 -clamp on h.png\nmap_Kd -s 2 3 t.png",
+       {2.0f, -2.0f},
+       Wrap::kRepeat,
+       "ignored-map-option: material \"a\": map_d: -s, -o and -clamp differ from those of map_Kd, "
+       "which are used"}};
+  for (const auto& [maps, uv, wrap, warning] : cases) {
+    MapBundle bundle;
+    bundle.add("a.mtl", std::string("newmtl a\n") + maps + "\n");
+    bundle.add("h.png", "x");
+    bundle.add("t.png", "x");
+    const auto scene = load_with(
+        bundle, std::string("mtllib a.mtl\n") + kUnitSquare + "vt 1 1\nusemtl a\nf 1/1 2/1 3/1\n");
+    ASSERT_TRUE(scene) << scene.error().message();
+    EXPECT_EQ(scene->parts.at(0).uvs.at(0), uv) << maps;
+    EXPECT_EQ(scene->materials.at(0).wrap_u, wrap) << maps;
+    EXPECT_EQ(test::warnings_of(*scene),
+              warning == nullptr ? std::vector<std::string>() : std::vector<std::string>{warning});
+  }
 }
 
 TEST(ObjMaterials, one_line_may_name_several_material_files) {
