@@ -206,11 +206,27 @@ static void read_base(JsonObject o, const char* factor_key, const char* texture_
   });
 }
 
+// Reads KHR_materials_pbrSpecularGlossiness. The colour of a metal is its specularFactor, and its
+// diffuseFactor is black.
+static void read_specular_glossiness(JsonObject o, MaterialSource& to) {
+  constexpr float kDielectricSpecular = 0.04f;
+  read_base(o, "diffuseFactor", "diffuseTexture", to);
+  std::vector<double> factor;
+  o.optional("specularFactor", factor);
+  if (factor.size() != 3 || to.texture >= 0 || o.has("specularGlossinessTexture")) return;
+  const glm::vec3 specular = glm::clamp(glm::vec3(factor[0], factor[1], factor[2]), 0.0f, 1.0f);
+  const float largest = std::max({specular.x, specular.y, specular.z});
+  const float metallic = std::max(largest - kDielectricSpecular, 0.0f) / (1 - kDielectricSpecular);
+  const glm::vec3 diffuse(to.base_color);
+  to.base_color =
+      glm::vec4(glm::mix(diffuse, glm::max(diffuse, specular), metallic), to.base_color.a);
+}
+
 static void members(JsonObject o, MaterialSource& to) {
   std::optional<MaterialSource> older;
   o.optional("extensions", [&](JsonObject extensions) {
     extensions.optional("KHR_materials_pbrSpecularGlossiness", [&](JsonObject workflow) {
-      read_base(workflow, "diffuseFactor", "diffuseTexture", older.emplace());
+      read_specular_glossiness(workflow, older.emplace());
     });
   });
   std::string name, alpha_mode = "OPAQUE";
@@ -221,8 +237,9 @@ static void members(JsonObject o, MaterialSource& to) {
   o.optional("pbrMetallicRoughness", [&](JsonObject workflow) {
     read_base(workflow, "baseColorFactor", "baseColorTexture", to);
   });
-  // If a file has both workflows, the older one carries more information.
-  if (older) to = *std::move(older);
+  // With the older workflow, many exporters write a white base colour or one without the texture.
+  const bool has_base = to.texture >= 0 || to.base_color != glm::vec4(1.0f);
+  if (older && (!has_base || (older->texture >= 0 && to.texture < 0))) to = *std::move(older);
   to.name = std::move(name);
   if (alpha_mode == "MASK") to.alpha_cutoff = cutoff;
   if (alpha_mode == "BLEND") to.alpha_cutoff.reset();

@@ -60,6 +60,71 @@ TEST(GltfMaterials, specular_glossiness_is_read_by_its_diffuse_part) {
   EXPECT_EQ(scene->missing_files.at(0).name, "gone.png");
 }
 
+TEST(GltfMaterials, metals_of_specular_glossiness_have_the_colour_of_their_specular_factor) {
+  const struct {
+    const char* workflow;
+    glm::vec3 color;
+  } cases[] = {
+      {R"({"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1, 0.5, 0.25]})", {1, 0.5f, 0.25f}},
+      {R"({"diffuseFactor": [0, 0, 0, 1], "specularFactor": [0.52, 0, 0]})", {0.26f, 0, 0}},
+      {R"({"diffuseFactor": [0, 1, 0, 1], "specularFactor": [0.04, 0.04, 0.04]})", {0, 1, 0}},
+      {R"({"diffuseFactor": [0, 1, 0, 1]})", {0, 1, 0}},
+      {R"({"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1, 1, 1],
+           "specularGlossinessTexture": {"index": 0}})",
+       {0, 0, 0}},
+      {R"({"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1, 1, 1],
+           "diffuseTexture": {"index": 0}})",
+       {0, 0, 0}}};
+  for (const auto& [workflow, color] : cases) {
+    GltfBuilder builder = textured({{"uri", "gone.png"}});
+    Json material;
+    material["extensions"]["KHR_materials_pbrSpecularGlossiness"] = Json::parse(workflow);
+    builder.json["materials"] = Json::array({material});
+    const auto scene = builder.load();
+    ASSERT_EQ(outcome(scene), "ok") << workflow;
+    const glm::vec4 got = scene->materials.at(0).base_color;
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], color[i], 1e-6f) << workflow;
+    EXPECT_EQ(got.a, 1.0f) << workflow;
+  }
+}
+
+TEST(GltfMaterials, a_base_colour_counts_before_specular_glossiness) {
+  const struct {
+    const char* base;
+    const char* workflow;
+    glm::vec4 color;
+    size_t textures;
+  } cases[] = {{R"({"baseColorFactor": [1, 0.5, 0, 1]})",
+                R"({"diffuseFactor": [0, 0, 0, 1]})",
+                {1, 0.5f, 0, 1},
+                0},
+               {R"({"baseColorTexture": {"index": 0}})",
+                R"({"diffuseFactor": [0, 0, 0, 1]})",
+                {1, 1, 1, 1},
+                1},
+               // What exporters write beside the extension is not always the same material.
+               {R"({"baseColorFactor": [1, 1, 1, 1]})",
+                R"({"diffuseFactor": [0, 1, 0, 1]})",
+                {0, 1, 0, 1},
+                0},
+               {R"({"metallicFactor": 0})", R"({"diffuseFactor": [0, 1, 0, 1]})", {0, 1, 0, 1}, 0},
+               {R"({"baseColorFactor": [0.5, 0.5, 0.5, 1]})",
+                R"({"diffuseTexture": {"index": 0}})",
+                {1, 1, 1, 1},
+                1}};
+  for (const auto& [base, workflow, color, textures] : cases) {
+    GltfBuilder builder = textured({{"uri", "gone.png"}});
+    Json material;
+    material["pbrMetallicRoughness"] = Json::parse(base);
+    material["extensions"]["KHR_materials_pbrSpecularGlossiness"] = Json::parse(workflow);
+    builder.json["materials"] = Json::array({material});
+    const auto scene = builder.load();
+    ASSERT_EQ(outcome(scene), "ok") << base;
+    EXPECT_EQ(scene->materials.at(0).base_color, color) << base;
+    EXPECT_EQ(scene->missing_files.size(), textures) << base;
+  }
+}
+
 TEST(GltfMaterials, a_missing_texture_is_a_warning_that_names_it) {
   const auto scene = textured({{"uri", "textures/gone.png"}}).load();
   ASSERT_EQ(outcome(scene), "ok");
