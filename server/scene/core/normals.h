@@ -11,6 +11,7 @@
 #include <glm/matrix.hpp>
 #include <glm/vec3.hpp>
 #include <span>
+#include <vector>
 
 namespace voxeld {
 
@@ -42,5 +43,10 @@ inline glm::vec3 direction_of(const glm::dvec3& v) {
 // positions, or none.
 void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,
                     std::span<glm::vec3> normals);
+
+// Makes the normals of a file unit vectors. Those without a direction are repaired; a vertex that
+// no triangle uses gets (0, 0, 1). None are left if none has a direction.
+void complete_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,
+                      std::vector<glm::vec3>& normals);
 
 }  // namespace voxeld

@@ -114,7 +114,7 @@ class OffBinaryReader {
     if (prefixes_.normal) {
       std::array<float, 3> n{};
       if (!take_floats(n)) mesh_.bad_normals.add(where(begin));
-      mesh_.add_normal({n[0], n[1], n[2]});
+      mesh_.part.normals.emplace_back(n[0], n[1], n[2]);
     }
     if (prefixes_.color) {
       mesh_.vertex_colors.set(static_cast<size_t>(vertex), 1, take_color(4));

@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <utility>
 
-#include <glm/geometric.hpp>
-
 #include "proto/text/text_file.h"
 #include "server/base/cancel_point.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/loaders.h"
 #include "server/scene/core/mesh_error.h"
+#include "server/scene/core/normals.h"
 #include "server/scene/core/text_cursor.h"
 
 namespace voxeld {
@@ -65,12 +64,6 @@ std::vector<glm::vec4> OffColors::linear(size_t count) const {
   return out;
 }
 
-void OffMesh::add_normal(const glm::vec3& normal) {
-  const float square = glm::dot(normal, normal);
-  normals_valid &= square > 0.0f && square < 1e30f;
-  if (normals_valid) part.normals.push_back(glm::normalize(normal));
-}
-
 Status OffMesh::add_face(std::span<const uint32_t> corners, const OffColor& color) {
   if (corners.size() < 3) {
     ++skipped_face_count;
@@ -97,12 +90,12 @@ Result<Scene> OffMesh::take_scene() {
   warn_dropped(scene, name, odd_face_columns, "ignored-columns",
                "faces have columns that are no colour", "they were left out");
   warn_dropped(scene, name, bad_normals, "dropped-attribute", "normals are not finite",
-               "the file's normals were left out");
+               "those of triangles are used");
   warn_dropped(scene, name, bad_uvs, "dropped-attribute", "texture coordinates are not finite",
                "the file's were left out");
   warn_dropped(scene, name, bad_colors, "dropped-attribute", "colours are not finite",
                "they are taken as white");
-  if (!normals_valid) part.normals.clear();
+  complete_normals(part.positions, part.indices, part.normals);
   if (bad_uvs.count > 0) part.uvs.clear();
   if (!vertex_colors.empty()) part.colors = vertex_colors.linear(part.positions.size());
   const bool by_face = part.colors.empty() && !triangle_colors.empty();

@@ -66,8 +66,6 @@ struct OffCount {
 struct OffMesh {
   explicit OffMesh(std::string_view file) : name(file), sink(file) {}
 
-  // Adds a direction of any length.
-  void add_normal(const glm::vec3& normal);
   // `corners`: each below the number of vertices.
   Status add_face(std::span<const uint32_t> corners, const OffColor& color);
   // Errors: empty-mesh.
@@ -75,9 +73,8 @@ struct OffMesh {
 
   std::string_view name;
   PolygonSink sink;
-  MeshPart part;  // without its colours
+  MeshPart part;  // without its colours; normals as written
   OffColors vertex_colors, triangle_colors;
-  bool normals_valid = true, uvs_valid = true;
   int64_t skipped_face_count = 0, mapped_color_count = 0;
   OffCount bad_normals, bad_uvs, bad_colors;      // NaN and infinities
   OffCount odd_vertex_columns, odd_face_columns;  // dropped

@@ -161,7 +161,7 @@ class OffTextReader {
     if (prefixes_.normal) {
       std::array<float, 3> n{};
       VOXELD_TRY(read_values("normal", vertex, words.first(3), mesh_.bad_normals, n));
-      mesh_.add_normal({n[0], n[1], n[2]});
+      mesh_.part.normals.emplace_back(n[0], n[1], n[2]);
       words = words.subspan(3);
     }
     if (color_size > 0) {

@@ -10,6 +10,7 @@
 #include "server/base/pieces.h"
 #include "server/scene/core/color_space.h"
 #include "server/scene/core/mesh_error.h"
+#include "server/scene/core/text_cursor.h"
 #include "server/scene/ply/source.h"
 
 namespace voxeld {
@@ -142,8 +143,9 @@ class ColorRange {
 template <typename Source>
 class PlyBodyReader {
  public:
-  PlyBodyReader(std::string_view name, const PlyHeader& header, Source source)
-      : name_(name), header_(header), source_(std::move(source)) {}
+  PlyBodyReader(std::string_view name, const PlyHeader& header, std::span<const uint8_t> bytes,
+                Source source)
+      : name_(name), header_(header), bytes_(bytes), source_(std::move(source)) {}
 
   Result<PlyMesh> read() {
     const PlyElement* vertices = header_.element("vertex");
@@ -163,6 +165,7 @@ class PlyBodyReader {
       }
     }
     append_strips();
+    warn_of_rest();
     return std::move(mesh_);
   }
 
@@ -172,6 +175,22 @@ class PlyBodyReader {
     return malformed_mesh(name_, source_.where(),
                           element_->name + " " + std::to_string(index_) + ": " + std::string(what),
                           std::move(expected), std::move(got));
+  }
+
+  void warn(std::string_view code, const std::string& detail) {
+    mesh_.warnings.push_back({std::string(code), std::string(name_) + ": " + detail});
+  }
+
+  // Line ends, blanks, NUL and ^Z behind the last element are no data.
+  void warn_of_rest() {
+    const std::string_view rest = as_text(bytes_.last(source_.bytes_left()));
+    const char* const end = rest.data() + rest.size();
+    const auto is_padding = [](char c) {
+      return is_blank(c) || c == '\n' || c == '\0' || c == '\x1a';
+    };
+    if (skipped(rest.data(), end, is_padding) == end) return;
+    warn("trailing-bytes",
+         std::to_string(rest.size()) + " bytes after the last element were left out");
   }
 
   Status read_number(PlyType type, std::string_view property, double& value) {
@@ -234,6 +253,11 @@ class PlyBodyReader {
       }
       VOXELD_TRY(add_vertex(values, roles));
     }
+    if (bad_normal_count_ > 0) {
+      warn("dropped-attribute", std::to_string(bad_normal_count_) +
+                                    " normals are not finite (first: " + first_bad_normal_ +
+                                    "); those of triangles are used");
+    }
     decode_colors("vertex", roles, mesh_.colors);
     return {};
   }
@@ -252,7 +276,7 @@ class PlyBodyReader {
                        std::to_string(values[axis]));
     }
     mesh_.positions.emplace_back(values[kX], values[kY], values[kZ]);
-    if (roles.has(kNx, kNz)) mesh_.normals.emplace_back(values[kNx], values[kNy], values[kNz]);
+    if (roles.has(kNx, kNz)) add_normal({values[kNx], values[kNy], values[kNz]});
     if (roles.has(kU, kV)) {
       const glm::vec2 uv(values[kU], values[kV]);
       const bool finite = std::isfinite(uv.x) && std::isfinite(uv.y);
@@ -260,6 +284,12 @@ class PlyBodyReader {
     }
     if (roles.has_colors()) mesh_.colors.push_back(raw_color(values, roles));
     return {};
+  }
+
+  void add_normal(const glm::dvec3& n) {
+    const bool finite = is_coordinate(n.x) && is_coordinate(n.y) && is_coordinate(n.z);
+    mesh_.normals.push_back(finite ? glm::vec3(n) : glm::vec3(0.0f));
+    if (!finite && bad_normal_count_++ == 0) first_bad_normal_ = source_.where();
   }
 
   // Turns what was written into linear light, by the largest value of the file.
@@ -287,10 +317,9 @@ class PlyBodyReader {
 
   void warn_of_range(std::string_view of, std::string_view what, const ColorRange& range) {
     if (!range.is_guess()) return;
-    mesh_.color_warnings.push_back(std::string(name_) + ": range of " + std::string(of) + " " +
-                                   std::string(what) + ": 0 to " + printed(range.full()) +
-                                   ", not 0 to " + printed(range.other()) + ", as the largest is " +
-                                   printed(range.max()));
+    warn("color-range", "range of " + std::string(of) + " " + std::string(what) + ": 0 to " +
+                            printed(range.full()) + ", not 0 to " + printed(range.other()) +
+                            ", as the largest is " + printed(range.max()));
   }
 
   Result<size_t> indices_property() const {
@@ -426,6 +455,7 @@ class PlyBodyReader {
       VOXELD_TRY(read_number(property.type, property.name, value));
       has_texture_ = true;
       texture_ = value >= 0.0 && value < 1e6 ? static_cast<int>(value) : 0;
+      if (value < 0.0) texture_ = -1;
       return {};
     }
     return read_property(i, roles, values);
@@ -470,10 +500,13 @@ class PlyBodyReader {
 
   std::string_view name_;
   const PlyHeader& header_;
+  std::span<const uint8_t> bytes_;  // of the file
   Source source_;
   const PlyElement* element_ = nullptr;  // being read
   uint64_t index_ = 0;                   // number of the element being read
   uint64_t vertex_count_ = 0;
+  int64_t bad_normal_count_ = 0;
+  std::string first_bad_normal_;
   std::vector<float> texcoord_;          // of the face being read
   std::vector<uint32_t> strip_corners_;  // three per triangle
   int texture_ = 0;
@@ -487,12 +520,12 @@ Result<PlyMesh> read_ply_body(std::string_view name, const PlyHeader& header,
                               std::span<const uint8_t> bytes) {
   if (header.encoding == PlyEncoding::kAscii) {
     PlyTextSource source(bytes.subspan(header.data_offset), header.data_line);
-    return PlyBodyReader(name, header, source).read();
+    return PlyBodyReader(name, header, bytes, source).read();
   }
   const bool little = header.encoding == PlyEncoding::kLittleEndian;
   const bool swapped = little != (std::endian::native == std::endian::little);
   PlyBinarySource source(bytes, header.data_offset, swapped);
-  return PlyBodyReader(name, header, source).read();
+  return PlyBodyReader(name, header, bytes, source).read();
 }
 
 }  // namespace voxeld

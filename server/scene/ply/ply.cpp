@@ -1,14 +1,14 @@
-// Converts PLY to a Scene: one part, or one per texture if faces name several ("texnumber").
+// Converts PLY to a Scene: one part, or one per texture, and one for faces without, if faces name
+// them ("texnumber").
 #include "server/scene/ply/ply.h"
 
 #include <map>
 #include <utility>
 
-#include <glm/geometric.hpp>
-
 #include "server/base/cancel_point.h"
 #include "server/base/pieces.h"
 #include "server/scene/core/mesh_error.h"
+#include "server/scene/core/normals.h"
 #include "server/scene/core/polygon_sink.h"
 #include "server/scene/images/textures.h"
 #include "server/scene/ply/body.h"
@@ -22,28 +22,18 @@ glm::vec2 texel_uv(const glm::vec2& uv) {
   return {uv.x, 1.0f - uv.y};
 }
 
-// Normalizes. Returns none if one has no direction: a partial set would light wrongly.
-std::vector<glm::vec3> unit_normals(std::vector<glm::vec3> normals) {
-  for (glm::vec3& n : normals) {
-    cancel_point();
-    const float square = glm::dot(n, n);
-    if (!(square > 0.0f && square < 1e30f)) return {};
-    n = glm::normalize(n);
-  }
-  return normals;
-}
-
 // The attributes that faces give to their triangles.
 struct TriangleData {
   std::vector<glm::vec4> colors;      // per triangle
   std::vector<glm::vec2> corner_uvs;  // per triangle corner
-  std::vector<int> textures;          // per triangle
+  std::vector<int> textures;          // per triangle; -1: none
+  bool any_without_texture = false;
 };
 
 Result<MeshPart> shared_part(std::string_view name, PlyMesh& mesh, TriangleData& triangles) {
   MeshPart part;
   part.positions = std::move(mesh.positions);
-  part.normals = unit_normals(std::move(mesh.normals));
+  part.normals = std::move(mesh.normals);
   part.colors = std::move(mesh.colors);
   part.uvs = std::move(mesh.uvs);
   for (glm::vec2& uv : part.uvs) {
@@ -62,11 +52,15 @@ Result<MeshPart> shared_part(std::string_view name, PlyMesh& mesh, TriangleData&
       if (!mesh.face_colors.empty()) push_in_pieces(triangles.colors, mesh.face_colors[face]);
       if (!mesh.face_textures.empty()) push_in_pieces(triangles.textures, mesh.face_textures[face]);
     }
+    if (!mesh.face_textures.empty() && mesh.face_textures[face] < 0) {
+      triangles.any_without_texture = true;
+    }
     for (const uint32_t corner : local) {
       push_in_pieces(triangles.corner_uvs, texel_uv(mesh.corner_uvs[first + corner]));
     }
     first += size;
   }
+  complete_normals(part.positions, part.indices, part.normals);
   return part;
 }
 
@@ -84,7 +78,7 @@ std::vector<MeshPart> split_by_texture(MeshPart part, const std::vector<int>& te
     for (size_t k = 3 * i; k < 3 * i + 3; ++k) {
       push_in_pieces(out.indices, static_cast<uint32_t>(out.positions.size()));
       push_in_pieces(out.positions, part.positions[k]);
-      push_in_pieces(out.uvs, part.uvs[k]);
+      if (texture >= 0) push_in_pieces(out.uvs, part.uvs[k]);
       if (!part.normals.empty()) push_in_pieces(out.normals, part.normals[k]);
       if (!part.colors.empty()) push_in_pieces(out.colors, part.colors[k]);
     }
@@ -100,7 +94,9 @@ std::vector<MeshPart> parts_of(MeshPart part, TriangleData triangles, size_t tex
   }
   if (!triangles.corner_uvs.empty()) part.uvs = std::move(triangles.corner_uvs);
   std::vector<MeshPart> parts;
-  if (texture_count > 1 && !triangles.textures.empty() && !part.uvs.empty()) {
+  const bool has_choice =
+      texture_count > 1 || (texture_count == 1 && triangles.any_without_texture);
+  if (has_choice && !triangles.textures.empty() && !part.uvs.empty()) {
     if (part.positions.size() != part.indices.size()) part = unshared(part);
     return split_by_texture(std::move(part), triangles.textures, texture_count);
   }
@@ -127,8 +123,8 @@ Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes, co
   Scene scene;
   scene.format = "ply";
   warn_skipped_faces(scene, name, mesh.skipped_face_count);
-  for (std::string& warning : mesh.color_warnings) {
-    add_warning(scene, "color-range", std::move(warning));
+  for (Warning& warning : mesh.warnings) {
+    add_warning(scene, warning.code, std::move(warning.detail));
   }
   if (mesh.is_alpha_dropped) {
     add_warning(scene, "assumed-opaque",

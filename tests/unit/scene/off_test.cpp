@@ -209,15 +209,29 @@ TEST(Off, numbers_that_are_none_cost_a_normal_or_colour_alone) {
                                "1 0 0 0 0 1 nan 0 0\n0 1 0 0 0 1 0 0 255\n3 0 1 2\n");
   ASSERT_TRUE(scene) << scene.error().message();
   test::expect_consistent(*scene);
-  EXPECT_TRUE(scene->parts[0].normals.empty());
+  EXPECT_EQ(scene->parts[0].normals[0], glm::vec3(0, 0, 1));
   EXPECT_EQ(scene->parts[0].colors[0], glm::vec4(1, 0, 0, 1));
   EXPECT_EQ(scene->parts[0].colors[1], glm::vec4(1.0f));
   ASSERT_EQ(scene->warnings.size(), 2u);
   EXPECT_EQ(scene->warnings[0].code, "dropped-attribute");
   EXPECT_EQ(scene->warnings[0].detail,
-            "a.off: 1 normals are not finite (first: line 3); the file's normals were left out");
+            "a.off: 1 normals are not finite (first: line 3); those of triangles are used");
   EXPECT_EQ(scene->warnings[1].detail,
             "a.off: 1 colours are not finite (first: line 4); they are taken as white");
+}
+
+TEST(Off, normals_without_direction_are_those_of_triangles) {
+  const auto some = load_text("a.off",
+                              "NOFF\n4 1 0\n0 0 0 2 0 0\n1 0 0 0 0 0\n0 1 0 1 0 0\n"
+                              "9 9 9 0 0 0\n3 0 1 2\n");
+  ASSERT_TRUE(some) << some.error().message();
+  const glm::vec3 up(0, 0, 1), side(1, 0, 0);
+  EXPECT_THAT(some->parts[0].normals, testing::ElementsAre(side, up, side, up));
+  EXPECT_THAT(some->warnings, testing::IsEmpty());
+  const auto none =
+      load_text("a.off", "NOFF\n3 1 0\n0 0 0 0 0 0\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2\n");
+  ASSERT_TRUE(none) << none.error().message();
+  EXPECT_THAT(none->parts[0].normals, testing::IsEmpty());
 }
 
 // Big-endian, as Geomview writes it.

@@ -217,12 +217,26 @@ TEST(Ply, colours_have_many_names) {
       << "a property of Stanford's scans";
 }
 
-TEST(Ply, normals_without_direction_drop_all_normals) {
-  const auto scene =
-      load_text("a.ply", ascii("property float nx\nproperty float ny\nproperty float nz\n", "",
-                               "0 0 0 0 0 1\n1 0 0 0 0 0\n0 1 0 nan 0 1\n3 0 1 2\n"));
-  ASSERT_TRUE(scene) << scene.error().message();
-  EXPECT_TRUE(scene->parts[0].normals.empty());
+TEST(Ply, normals_without_direction_are_those_of_triangles) {
+  using testing::ElementsAre;
+  const auto load = [](const std::string& body) {
+    return load_text("a.ply", ascii("property float nx\nproperty float ny\nproperty float nz\n", "",
+                                    body + "3 0 1 2\n", 4));
+  };
+  const glm::vec3 up(0, 0, 1), side(1, 0, 0);
+  const auto some = load("0 0 0 2 0 0\n1 0 0 0 0 0\n0 1 0 1 0 0\n9 9 9 0 0 0\n");
+  ASSERT_TRUE(some) << some.error().message();
+  EXPECT_THAT(some->parts[0].normals, ElementsAre(side, up, side, up));
+  EXPECT_THAT(test::warnings_of(*some), testing::IsEmpty());
+  const auto broken = load("0 0 0 2 0 0\n1 0 0 nan 0 1\n0 1 0 1e35 0 0\n9 9 9 1 0 0\n");
+  ASSERT_TRUE(broken) << broken.error().message();
+  EXPECT_THAT(broken->parts[0].normals, ElementsAre(side, up, up, side));
+  EXPECT_THAT(test::warnings_of(*broken),
+              ElementsAre("dropped-attribute: a.ply: 2 normals are not finite (first: line 14); "
+                          "those of triangles are used"));
+  const auto none = load("0 0 0 0 0 0\n1 0 0 0 0 0\n0 1 0 0 0 0\n9 9 9 0 0 0\n");
+  ASSERT_TRUE(none) << none.error().message();
+  EXPECT_THAT(none->parts[0].normals, testing::IsEmpty());
 }
 
 TEST(Ply, face_colours_stay_on_their_faces) {
@@ -275,6 +289,50 @@ TEST(Ply, corner_texture_coordinates_and_texture_numbers_make_parts) {
   EXPECT_EQ(scene->parts[0].indices.size(), 6u);
   EXPECT_EQ(scene->parts[1].material, 0);
   EXPECT_EQ(scene->parts[1].uvs[2], glm::vec2(1, 0));
+}
+
+TEST(Ply, faces_of_texture_number_minus_1_keep_their_colours) {
+  std::string text = ascii("",
+                           "property list uchar float texcoord\nproperty int texnumber\n"
+                           "property uchar red\nproperty uchar green\nproperty uchar blue\n",
+                           "0 0 0\n1 0 0\n1 1 0\n3 0 1 2 6 0 0 1 0 1 1 0 255 255 255\n"
+                           "3 0 1 2 6 0 0 0 0 0 0 -1 0 255 0\n",
+                           3, 2);
+  text.insert(text.find("element"), "comment TextureFile a.png\n");
+  MapBundle bundle;
+  bundle.add("a.ply", text);
+  bundle.add("a.png", "x");
+  const auto scene = load_scene("", bundle, {.decode_images = false});
+  ASSERT_TRUE(scene) << scene.error().message();
+  test::expect_consistent(*scene);
+  ASSERT_EQ(scene->parts.size(), 2u);
+  EXPECT_EQ(scene->parts[0].material, 0);
+  EXPECT_EQ(scene->parts[0].uvs.size(), 3u);
+  EXPECT_THAT(scene->parts[0].colors, testing::IsEmpty());
+  EXPECT_EQ(scene->parts[1].material, -1);
+  EXPECT_THAT(scene->parts[1].uvs, testing::IsEmpty());
+  EXPECT_THAT(scene->parts[1].colors, testing::Each(glm::vec4(0, 1, 0, 1)));
+}
+
+TEST(Ply, data_behind_the_last_element_is_left_out_with_a_warning) {
+  const std::string text = ascii("", "", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  const std::string binary = binary_ply(false);
+  const std::string nul(1, '\0');
+  for (const std::string& file : {text, binary}) {
+    for (const std::string& rest : {std::string("\n"), std::string("\r\n \t\n"), "\n" + nul,
+                                    nul + nul, std::string("\n\x1a")}) {
+      const auto scene = load_text("a.ply", file + rest);
+      ASSERT_TRUE(scene) << scene.error().message();
+      EXPECT_THAT(test::warnings_of(*scene), testing::IsEmpty());
+    }
+  }
+  for (const std::string& file : {text + "3 0 2 1", binary + nul + "1234567"}) {
+    const auto scene = load_text("a.ply", file);
+    ASSERT_TRUE(scene) << scene.error().message();
+    EXPECT_THAT(test::warnings_of(*scene),
+                testing::ElementsAre(
+                    "trailing-bytes: a.ply: 8 bytes after the last element were left out"));
+  }
 }
 
 TEST(Ply, faces_may_stand_before_vertices) {
