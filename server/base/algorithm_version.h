@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 13;
+inline constexpr int kAlgorithmVersion = 14;
 }  // namespace voxeld
