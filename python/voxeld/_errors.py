@@ -74,9 +74,9 @@ class NotFound(Error, LookupError):
 _CLASSES: dict[str, type[Error]] = {
     "unreachable": Unreachable, "timeout": Timeout, "deadline-exceeded": Timeout, "interrupted": Cancelled,
     "cancelled": Cancelled, "not-found": NotFound, "gone": NotFound, "unknown-option": BadInput,
-    "bad-request": BadInput, "invalid-option": BadInput, "malformed-mesh": BadInput, "empty-mesh": BadInput, "unsupported-feature": BadInput,
-    "malformed-image": BadInput, "malformed-bundle": BadInput, "unsupported-media-type": BadInput,
-    "grid-too-large": BadInput, "file": BadInput,
+    "bad-request": BadInput, "invalid-option": BadInput, "malformed-mesh": BadInput, "empty-mesh": BadInput,
+    "unsupported-feature": BadInput, "malformed-image": BadInput, "malformed-bundle": BadInput,
+    "unsupported-media-type": BadInput, "grid-too-large": BadInput, "file": BadInput,
 }
 
 
