@@ -11,6 +11,7 @@ namespace voxeld {
 namespace {
 
 constexpr int kPartNamesMax = 100;
+constexpr size_t kPartStemBytesMax = 200;  // a file system takes names of 255
 
 }  // namespace
 
@@ -19,10 +20,12 @@ int create_part(const std::filesystem::path& target, std::filesystem::path& part
   const bool replaces = ::stat(target.c_str(), &old) == 0;
   // Another thread may write one, and a process of this number may have left one: the first of a
   // container always has the same.
-  const std::string first = target.string() + ".part-" + std::to_string(getpid());
+  const std::filesystem::path folder = target.parent_path();
+  const std::string first =
+      target.filename().string().substr(0, kPartStemBytesMax) + ".part-" + std::to_string(getpid());
   int descriptor = -1;
   for (int i = 0; descriptor < 0 && i < kPartNamesMax && (i == 0 || errno == EEXIST); ++i) {
-    part = i == 0 ? first : first + "-" + std::to_string(i);
+    part = folder / (i == 0 ? first : first + "-" + std::to_string(i));
     descriptor =
         ::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, replaces ? 0600 : 0666);
   }

@@ -139,6 +139,16 @@ class CliFiles(DaemonTest):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue((self.dir / "a.vox").read_bytes().startswith(b"VOX "))
 
+    def test_the_longest_name_of_a_file_is_written(self):
+        mesh, = self.meshes("a.ply")
+        path = self.dir / ("a" * 251 + ".vox")
+        self.assertEqual(self.voxel(mesh, "-o", path, "--size", 8).returncode, 0)
+        self.assertTrue(path.read_bytes().startswith(b"VOX "))
+
+    def test_an_empty_file_is_bad_input(self):
+        (self.dir / "a.ply").touch()
+        self.assertEqual(self.voxel(self.dir / "a.ply", "-o", self.dir / "a.vox").returncode, 3)
+
     def test_a_file_that_is_replaced_keeps_its_rights(self):
         mesh, = self.meshes("a.ply")
         for mode in (0o600, 0o664):

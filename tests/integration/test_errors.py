@@ -110,7 +110,7 @@ class Errors(DaemonTest):
                      "unsupported-media-type", "video/mp4")
 
     def test_empty_body(self):
-        self.provoke(self.voxelize("size=16", b""), 400, "bad-request", "empty")
+        self.provoke(self.voxelize("size=16", b""), 422, "malformed-mesh", "empty")
 
     def test_a_mesh_without_triangles(self):
         self.provoke(self.voxelize("size=16&filename=a.obj", b"v 0 0 0\n"), 422, "empty-mesh")

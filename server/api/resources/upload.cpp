@@ -176,7 +176,7 @@ class FileSink final : public BodySink {
  private:
   Result<Asset> store() {
     if (writer_.bytes() == 0) {
-      return Error{ErrorCode::kBadRequest, "the body is empty", "a mesh file", "0 bytes"};
+      return Error{ErrorCode::kMalformedMesh, "the body is empty", "a mesh file", "0 bytes"};
     }
     VOXELD_ASSIGN(const BlobInfo blob, writer_.finish());
     return api_.jobs.put_asset(caller_, blob, announced_.filename, announced_.content_type,
