@@ -16,6 +16,18 @@ test("after a restart of the daemon the page goes on", async ({ page }) => {
   await expect(page.locator("#banner")).toBeHidden();
 });
 
+test("a daemon that is back is noticed though nobody waits for it", async ({ page }) => {
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "concave.obj"));
+  await shown(page, 256);
+  await page.route("**/v1/**", route => route.abort());
+  await resize(page, 96);
+  await expect(page.locator("#offline")).toBeVisible();
+  await page.click("#new");
+  await page.unroute("**/v1/**");
+  await expect(page.locator("#offline")).toBeHidden();
+});
+
 test("after 40 s without the daemon the page goes on", async ({ page }) => {
   // Waits are 50 times shorter. The page tries again after 0.4, 0.8, 1.5 and then every 2.5 s.
   await page.addInitScript(() => {

@@ -1,6 +1,6 @@
 // Meshes that are dropped or chosen, samples, uploads.
 import { execFileSync } from "node:child_process";
-import { readFileSync, writeFileSync } from "node:fs";
+import { cpSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { run, temporaryFolder } from "./daemon.mjs";
 import {
@@ -17,6 +17,7 @@ import {
   settled,
   shown,
   test,
+  told,
 } from "./page.mjs";
 
 /** The textures of a house, and its other files. */
@@ -109,6 +110,33 @@ test("several files are one mesh, and a missing texture is named and added later
   await expect(page.locator("#card-model")).toContainText("2 textures");
   await expect(page.locator("#card-model .warn")).toBeHidden();
   await shown(page, 256);
+  await page.click("#delete");
+  await told(page, "house and its results are deleted");
+  const { results } = await daemon.json("/v1/results?limit=1000"),
+    { assets } = await daemon.json("/v1/assets?limit=1000");
+  const left = [...results, ...assets].map(one => one.filename).filter(name => /^house.*(voxg|bundle)/.test(name));
+  expect(left).toEqual([]);
+});
+
+test("a folder's other files keep its mesh not out", async ({ page }) => {
+  const folder = temporaryFolder("web-folder"),
+    many = join(folder, ".git");
+  for (const name of [many, join(folder, "stone"), join(folder, "wood")]) mkdirSync(name);
+  for (let i = 0; i < 1000; ++i) writeFileSync(join(many, `${i}`), "x");
+  writeFileSync(join(folder, "empty.png"), "");
+  for (const name of ["a.mtl", "stone/d.png", "wood/d.png"]) writeFileSync(join(folder, name), name);
+  cpSync(join(fixtures, "concave.obj"), join(folder, "concave.obj"));
+  await page.goto(daemon.url);
+  await page.setInputFiles("#folder", folder);
+  await shown(page, 256);
+  await page.click("#commands summary");
+  const command = page.locator("#commands pre");
+  await expect(command).toContainText("stone/d.png");
+  // These two find the files of folders by themselves, and refuse equal names.
+  await page.click('#commands button:text-is("CLI")');
+  await expect(command).toContainText("voxel concave.obj a.mtl --");
+  await page.click('#commands button:text-is("Python")');
+  await expect(command).toContainText('(["concave.obj", "a.mtl"], ');
 });
 
 test("a texture that is refused leaves the mesh as it was", async ({ page }) => {

@@ -1,5 +1,7 @@
 // The view: voxels under the pointer, camera, section, parts, animations, grids that come late.
+import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
+import { temporaryFolder } from "./daemon.mjs";
 import {
   daemon,
   DRAWN,
@@ -205,6 +207,23 @@ test("an animation has a timeline that plays", async ({ page }) => {
   await page.click("#timeline button");
   await page.locator("#timeline input").fill("3");
   await expect(frame).toHaveText(/^4 \//);
+});
+
+test("each animation has the frames of its own rate", async ({ page }) => {
+  const folder = temporaryFolder("web-worm"),
+    walk = join(fixtures, "worm/walk.md5anim"),
+    slow = join(folder, "slow.md5anim");
+  const rate = Number(/frameRate (\d+)/.exec(readFileSync(walk, "utf8"))[1]);
+  writeFileSync(slow, readFileSync(walk, "utf8").replace(/frameRate \d+/, "frameRate 3"));
+  await page.goto(daemon.url);
+  await drop(page, join(fixtures, "worm/worm.md5mesh"), walk, slow);
+  const settings = page.locator("#card-voxels"),
+    animation = settings.getByLabel("Animation");
+  for (const [name, fps] of [["slow", 3], ["walk", rate]]) {
+    const option = animation.locator("option", { hasText: name });
+    await animation.selectOption(await option.getAttribute("value"));
+    await expect(settings.getByLabel("Frames per second")).toHaveValue(String(fps));
+  }
 });
 
 test("a frame that does not come is a problem, and the animation plays on", async ({ page }) => {

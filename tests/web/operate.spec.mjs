@@ -188,7 +188,7 @@ test.describe("with keys", () => {
     page.on("request", request => urls.push(request.url()));
     await page.goto(locked.url);
     await giveKey(page, "vxk_wrong");
-    await expect(page.locator("dialog")).toContainText("does not take this key");
+    await expect(page.locator("dialog")).toContainText("unknown, expired or revoked");
     await page.check("dialog input[type=checkbox]");
     await giveKey(page, key);
     await expect(page.locator("dialog")).toBeHidden();

@@ -1,6 +1,6 @@
 // Downloads, pictures, links and commands.
 import { execFileSync } from "node:child_process";
-import { readFileSync, writeFileSync } from "node:fs";
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { temporaryFolder } from "./daemon.mjs";
 import { daemon, download, drop, expect, fixtures, LONG, resize, shown, test } from "./page.mjs";
@@ -32,7 +32,7 @@ async function sampleFiles(page, name) {
 }
 
 for (const [name, size, ...formats] of [
-  ["Rocket", 48, "vox", "slices Channel=color", "schem Dithering=bayer Blocks=wool"],
+  ["Rocket", 48, "vox", "glb", "slices Channel=color", "schem Dithering=bayer Blocks=wool"],
   ["Planet", 40, "ply"], // a bundle
   ["Worm", 16, "vox", "xyz"], // an animation: one file, and a zip of a file for each frame
 ]) {
@@ -66,8 +66,10 @@ for (const [name, size, ...formats] of [
             PYTHONPATH: join(process.env.VOXELD_ROOT_DIR, "python"),
           },
         });
-        const made = readFileSync(join(folder, taken.name));
+        const isInput = existsSync(join(files, taken.name)); // which must stay
+        const made = readFileSync(join(folder, (isInput ? "voxels-" : "") + taken.name));
         expect(made.equals(taken.bytes), `${wanted} by ${language}`).toBe(true);
+        execFileSync("sh", ["-ec", 'for name in *; do cmp "$name" "$1/$name"; done', "sh", folder], { cwd: files });
       }
     }
     await page.click('#commands button:text-is("C++")');

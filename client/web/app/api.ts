@@ -261,6 +261,8 @@ export class Api {
     if (isOnline === this.#isOnline) return;
     this.#isOnline = isOnline;
     this.onConnection(isOnline);
+    // Whoever asked may give up.
+    if (!isOnline) this.request("/v1/me").catch(() => 0);
   }
 }
 

@@ -32,8 +32,8 @@ const MAY_MOVE = /\.(gltf|glb|md5mesh|zip)$/i;
 export class App {
   #bundle: Bundle | null = null;
   #asset: Asset | null = null;
-  #assets: string[] = []; // the asset and the files that it names
-  #jobs = new Set<string>(); // whose results are deleted with the asset
+  #assets: string[] = []; // all that was made of the mesh's files
+  #jobs = new Set<string>(); // whose results are deleted with them
   #removing = Promise.resolve(); // a deletion that may be under way
   #given = 0; // drops, pastes, choices and samples so far
   #loaded = 0; // the latest of them that had a mesh
@@ -227,19 +227,18 @@ export class App {
       await this.#removing; // maybe of the same mesh
       loading.signal.throwIfAborted();
       addEventListener("beforeunload", ask); // an upload would be lost
-      const { asset, members } = await uploadBundle(
+      this.#asset = await uploadBundle(
         this.api,
         bundle,
         (text, share, isKnown) => {
           this.#showOver(text, share);
           if (isKnown) this.onNote(text);
         },
+        id => this.#assets.push(id),
         loading.signal,
       ).finally(() => removeEventListener("beforeunload", ask));
-      this.#asset = asset;
-      this.#assets = [...new Set([asset.id, ...members])];
       this.#showOver("");
-      await this.#describe(asset, bundle, loading.signal);
+      await this.#describe(this.#asset, bundle, loading.signal);
     } catch (error) {
       if (this.#loading !== loading) return; // another mesh has come
       this.#showOver("");
@@ -252,9 +251,12 @@ export class App {
   }
 
   #begin(bundle: Bundle): void {
+    if (bundle.mesh.blob !== this.#bundle?.mesh.blob) {
+      this.#jobs = new Set();
+      this.#assets = [];
+    }
     this.#bundle = bundle;
     this.#asset = null;
-    this.#jobs = new Set();
     this.#keepCamera = false;
     this.#clear();
     this.#look.forget();
@@ -503,9 +505,8 @@ export class App {
 
   /** Deletes the mesh and what was made of it. */
   #remove(): void {
-    const isUploaded = this.#asset !== null;
     this.#close();
-    if (isUploaded)
+    if (this.#assets.length > 0)
       this.#removing = this.#removeAll(this.#title.textContent ?? "").catch(this.onProblem);
   }
 

@@ -26,6 +26,11 @@ function textOf(value: Options[string]): string {
   return typeof value === "object" ? value.join(",") : String(value);
 }
 
+/** Files to name: the CLI and Python find those of folders below that of the mesh. */
+function named({ file, others }: Recipe): string[] {
+  return [file, ...others.filter(name => file.includes("/") || !name.includes("/"))];
+}
+
 function all(recipe: Recipe): [string, Options[string]][] {
   return [...Object.entries(recipe.options), ...Object.entries(recipe.output)] as [
     string,
@@ -62,7 +67,7 @@ export function cliCommand(recipe: Recipe): string {
   const flags = all(recipe).map(
     ([name, value]) => `--${name.replaceAll("_", "-")} ${quoted(textOf(value))}`,
   );
-  return `VOXELD_URL=${quoted(recipe.origin)} voxel ${[recipe.file, ...recipe.others].map(quoted).join(" ")} ${flags.join(" ")} -o ${quoted(recipe.target)}`;
+  return `VOXELD_URL=${quoted(recipe.origin)} voxel ${named(recipe).map(quoted).join(" ")} ${flags.join(" ")} -o ${quoted(recipe.target)}`;
 }
 
 export function pythonCode(recipe: Recipe): string {
@@ -74,25 +79,23 @@ export function pythonCode(recipe: Recipe): string {
         : /^(0|[1-9]\d*)(\.\d+)?$/.test(of)
           ? of
           : literal(of);
-  const named = (options: Options) =>
+  const pairs = (options: Options) =>
     Object.entries(options)
       .map(([name, of]) => `, ${name}=${value(of)}`)
       .join("");
   // The target's extension tells the format, but for an archive of frames.
   const { format, ...others } = recipe.output;
-  const output = named(recipe.target.endsWith(".zip") ? recipe.output : others);
+  const output = pairs(recipe.target.endsWith(".zip") ? recipe.output : others);
   const [call, result] = isSequence(recipe.options)
     ? ["animate", "animation"]
     : ["voxelize", "grid"];
-  const mesh =
-    recipe.others.length === 0
-      ? literal(recipe.file)
-      : `[${[recipe.file, ...recipe.others].map(literal).join(", ")}]`;
+  const files = named(recipe).map(literal).join(", ");
+  const mesh = recipe.others.length === 0 ? files : `[${files}]`;
   const key = recipe.hasKey ? ', key=os.environ["VOXELD_KEY"]' : "";
   return (
     `${recipe.hasKey ? "import os\n" : ""}import voxeld\n\n` +
     `with voxeld.Client(${literal(recipe.origin)}${key}) as client:\n` +
-    `    ${result} = client.${call}(${mesh}${named(recipe.options)})\n` +
+    `    ${result} = client.${call}(${mesh}${pairs(recipe.options)})\n` +
     `    ${result}.save(${literal(recipe.target)}${output})\n`
   );
 }

@@ -14,8 +14,20 @@ export interface Bundle {
 }
 
 const MESHES = [
-  ...["md5mesh", "gltf", "glb", "obj", "ply", "stl", "off", "3mf", "zip"],
-  ...["vox", "voxg", "binvox", "npy", "nrrd"],
+  "md5mesh",
+  "gltf",
+  "glb",
+  "obj",
+  "ply",
+  "stl",
+  "off",
+  "3mf",
+  "zip",
+  "vox",
+  "voxg",
+  "binvox",
+  "npy",
+  "nrrd",
 ];
 const COMPANIONS = [
   "mtl",
@@ -35,6 +47,7 @@ const COMPANIONS = [
   "gif",
 ];
 const FILES_MAX = 1000; // of a bundle, as the daemon has it
+const LOOKED_AT_MAX = 1e5;
 
 export function extensionOf(name: string): string {
   return name.slice(name.lastIndexOf(".") + 1).toLowerCase();
@@ -56,7 +69,7 @@ function hasCompanions(mesh: NamedFile): boolean {
 }
 
 function isCompanion(file: NamedFile): boolean {
-  return COMPANIONS.includes(extensionOf(file.name));
+  return file.blob.size > 0 && COMPANIONS.includes(extensionOf(file.name));
 }
 
 async function entriesOf(folder: FileSystemDirectoryEntry): Promise<FileSystemEntry[]> {
@@ -67,13 +80,13 @@ async function entriesOf(folder: FileSystemDirectoryEntry): Promise<FileSystemEn
     const some = await new Promise<FileSystemEntry[]>((resolve, reject) =>
       reader.readEntries(resolve, reject),
     );
-    if (some.length === 0 || all.length > FILES_MAX) return all;
+    if (some.length === 0) return all;
     all.push(...some);
   }
 }
 
 async function walk(entry: FileSystemEntry, path: string, found: NamedFile[]): Promise<void> {
-  if (found.length >= FILES_MAX || entry.name.startsWith(".")) return;
+  if (found.length >= LOOKED_AT_MAX || entry.name.startsWith(".")) return;
   if (entry.isFile) {
     const blob = await new Promise<File>((resolve, reject) =>
       (entry as FileSystemFileEntry).file(resolve, reject),
@@ -104,9 +117,10 @@ export async function filesOfTransfer(transfer: DataTransfer): Promise<NamedFile
 
 /** The files of an input; those of a folder keep their paths. */
 export function filesOfInput(input: HTMLInputElement): NamedFile[] {
-  return [...(input.files ?? [])]
-    .slice(0, FILES_MAX)
-    .map(blob => ({ name: blob.webkitRelativePath || blob.name, blob }));
+  return [...(input.files ?? [])].map(blob => ({
+    name: blob.webkitRelativePath || blob.name,
+    blob,
+  }));
 }
 
 /**
@@ -129,7 +143,7 @@ export function bundleOf(files: readonly NamedFile[]): Bundle | null {
   // A mesh in a subfolder may name files beside its folder: then all keep their paths.
   const companions = files.filter(isCompanion);
   const cut = companions.every(inFolder) ? folder.length : 0;
-  const named = [mesh, ...companions].map(file => ({
+  const named = [mesh, ...companions].slice(0, FILES_MAX).map(file => ({
     name: file.name.slice(cut),
     blob: file.blob,
   }));

@@ -71,7 +71,10 @@ export class Settings {
       field(T.animation, this.#animations),
       field(T.fps, this.#fps),
     );
-    this.#animations.onchange = () => this.#set("animation", this.#animations.value);
+    this.#animations.onchange = () => {
+      this.#showRate();
+      this.#set("animation", this.#animations.value);
+    };
     this.#fps.onchange = () => this.#set("fps", this.#fps.value);
     parent.append(
       this.#sizeField(),
@@ -137,13 +140,19 @@ export class Settings {
     );
     this.#animationFields.hidden = !hasAny;
     this.#values["animation"] = this.#animations.value;
-    this.#values["fps"] = this.#fps.value = hasAny
-      ? String(animations[first]!.frame_rate || 24)
-      : "";
+    this.#showRate();
     if (hasAny && !this.#isSized) this.#values["size"] = 128; // there is one grid for each frame
     this.#showSize();
     this.#showNote();
     this.#showChannels();
+  }
+
+  // That of the chosen animation.
+  #showRate(): void {
+    const { value } = this.#animations;
+    this.#values["fps"] = this.#fps.value = value
+      ? String(this.#description!.animations![+value]!.frame_rate || 24)
+      : "";
   }
 
   #set(name: string, value: string | number, isFinal = true): void {

@@ -405,7 +405,7 @@ export class Take {
       others: source.files.slice(1),
       options: source.wish.options,
       output: this.#output,
-      target: this.#name,
+      target: (source.files.includes(this.#name) ? "voxels-" : "") + this.#name, // no input is lost
     };
     const make = { curl: curlCommand, cli: cliCommand, python: pythonCode, cpp: cppCode }[
       this.#language

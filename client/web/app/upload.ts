@@ -23,18 +23,19 @@ async function knownAsset(api: Api, file: NamedFile, signal: AbortSignal): Promi
     // Under the name of another format the bytes are another asset.
     return extensionOf(asset.filename) === extensionOf(file.name) ? asset : null;
   } catch (error) {
-    if (error instanceof Problem && (error.status === 404 || error.status === 410)) return null;
+    if (error instanceof Problem && [404, 410].includes(error.status)) return null;
     throw error;
   }
 }
 
-/** The asset of one file or of several, and the ids of the files. Throws Problem, or AbortError of `signal`. */
+/** The asset of one file or of several. Throws Problem, or AbortError of `signal`. */
 export async function uploadBundle(
   api: Api,
   bundle: Bundle,
   onStep: (text: string, share: number, isKnown: boolean) => void, // share of the bytes, 0..1
+  onAsset: (id: string) => void, // each, also of one file of several
   signal: AbortSignal,
-): Promise<{ asset: Asset; members: string[] }> {
+): Promise<Asset> {
   const total = bundle.files.reduce((sum, file) => sum + file.blob.size, 0);
   let done = 0;
   const members: { name: string; asset: string }[] = [];
@@ -62,13 +63,12 @@ export async function uploadBundle(
     }
     done += size;
     members.push({ name: file.name, asset: last.id });
+    onAsset(last.id);
   }
-  const ids = members.map(member => member.asset);
-  if (members.length === 1 && last) return { asset: last, members: ids };
+  if (members.length === 1 && last) return last;
   const manifest = new Blob([JSON.stringify({ files: members })], { type: BUNDLE_TYPE });
   const path = `/v1/assets?filename=${encodeURIComponent(stemOf(bundle.mesh.name))}`;
-  return {
-    asset: await api.upload<Asset>(path, manifest, BUNDLE_TYPE, () => undefined, signal),
-    members: ids,
-  };
+  last = await api.upload<Asset>(path, manifest, BUNDLE_TYPE, () => undefined, signal);
+  onAsset(last.id);
+  return last;
 }
