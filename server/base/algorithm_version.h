@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 14;
+inline constexpr int kAlgorithmVersion = 15;
 }  // namespace voxeld

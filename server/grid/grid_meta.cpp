@@ -22,6 +22,13 @@ T member(const json& object, const char* name, T absent) {
   return found->get<T>();
 }
 
+bool has_fill(const json& members, Fill fill) {
+  const auto options = members.find("options");
+  return options != members.end() && options->is_object() &&
+         member(*options, "fill", std::string()) ==
+             option_values::word_of<Fill>(fill, option_words::kFill);
+}
+
 }  // namespace
 
 GridMeta::GridMeta() : GridMeta(json::object()) {}
@@ -54,10 +61,11 @@ int GridMeta::algorithm_version() const {
 }
 
 bool GridMeta::is_band() const {
-  const auto options = members_->find("options");
-  return options != members_->end() && options->is_object() &&
-         member(*options, "fill", std::string()) ==
-             option_values::word_of<Fill>(Fill::kBand, option_words::kFill);
+  return has_fill(*members_, Fill::kBand);
+}
+
+bool GridMeta::is_solid() const {
+  return has_fill(*members_, Fill::kSolid);
 }
 
 double GridMeta::band_voxels() const {

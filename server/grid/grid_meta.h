@@ -27,6 +27,7 @@ class GridMeta {
   std::string content_hash() const;  // empty: unknown
   int algorithm_version() const;     // of the program that made the voxels; 0: unknown
   bool is_band() const;              // only the voxels near the surface have distances
+  bool is_solid() const;
   // The thickness of a band to each side, in voxels of this grid; 0 if dilate, erode or hollow
   // changed it.
   double band_voxels() const;

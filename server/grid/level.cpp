@@ -62,6 +62,7 @@ GridSpec level_spec(const GridSpec& spec, int level) {
 LevelTiles::LevelTiles(const TileSource& source, int level, LevelRule rule)
     : source_(source),
       level_(level),
+      is_solid_(source.grid().meta.is_solid()),
       cells_min_(rule == LevelRule::kAny ? 1 : uint64_t{1} << (3 * level - 1)) {
   VOXELD_CHECK(level >= 1 && level <= kLevelMax, "levels are 1 to 14");
   const Grid& grid = source.grid();
@@ -101,7 +102,7 @@ LevelTiles::Part LevelTiles::reduce(size_t at) const {
       part.codes = {first};
     } else if (sums.cells >= cells_min_) {
       part.codes.push_back(first + code);
-      if (has_channels) part.values.push_back(sums.mean(level_));
+      if (has_channels) part.values.push_back(sums.mean(level_, is_solid_));
     }
   });
   return part;
@@ -112,7 +113,7 @@ Result<SparseTile> LevelTiles::tile(size_t index) const {
   LevelSums open;  // of a voxel that several tiles share
   uint32_t open_code = 0;
   const auto close = [&] {
-    if (open.cells >= cells_min_) out.add(open_code, open.mean(level_));
+    if (open.cells >= cells_min_) out.add(open_code, open.mean(level_, is_solid_));
     open = {};
   };
   const auto append = [&](const Part& part) {

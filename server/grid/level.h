@@ -32,6 +32,7 @@ class LevelTiles final : public TileSource {
 
   const TileSource& source_;
   int level_;
+  bool is_solid_;
   uint64_t cells_min_;                            // occupied cells that make a voxel occupied
   std::vector<std::pair<size_t, size_t>> under_;  // for each tile, the range of source tiles
 };

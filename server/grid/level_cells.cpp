@@ -63,12 +63,13 @@ void LevelSums::add(const LevelSums& other) {
   for (size_t c = 0; c < normal.size(); ++c) normal[c] += other.normal[c];
 }
 
-VoxelValues LevelSums::mean(int level) const {
+VoxelValues LevelSums::mean(int level, bool is_solid) const {
   VoxelValues values;
   if (cells > 0) {
     // Voxels without attributes are entirely inside a solid, so their coverage is 255.
     const uint64_t sum = coverage + 255 * (cells - valued);
-    values.coverage = static_cast<uint8_t>((sum + cells / 2) / cells);
+    const uint64_t whole = uint64_t{1} << ((is_solid ? 3 : 2) * level);
+    values.coverage = static_cast<uint8_t>(std::min<uint64_t>(255, (sum + whole / 2) / whole));
   }
   if (valued > 0) {
     const double count = static_cast<double>(valued);

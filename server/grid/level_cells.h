@@ -45,8 +45,8 @@ struct LevelSums {
   // The values of the voxel: mean colour in linear light, rounded as in server/voxel/README.md; the
   // direction of the mean normal, or none if that is shorter than a thousandth; the most frequent
   // id that is not 0 (the lowest of equals); mean distance, in voxels of the level, 1 step at the
-  // least; and mean coverage.
-  VoxelValues mean(int level) const;
+  // least; and the coverage of the level's face, or of a solid's voxel, by all its cells.
+  VoxelValues mean(int level, bool is_solid) const;
 };
 
 // Adds the attributes [first, first + count) of the tile.

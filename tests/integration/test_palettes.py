@@ -62,6 +62,12 @@ class Palettes(DaemonTest):
             colored = whole["color"][..., 3] > 0
             self.check_nearest(whole["color"][colored][:, :3], made["color"][colored][:, :3], palette)
 
+    def test_arrays_of_colours_take_a_palette_in_a_query(self):
+        for name in ("nrrd", "mha", "nii", "raw", "slices", "ktx2"):
+            with self.subTest(name):
+                self.get(f"size=10&format={name}&channel=color&palette=cga16")
+        self.assertIn("palette", self.error("size=10&format=nrrd&palette=cga16")[0])
+
     def test_the_inside_of_a_solid_stays_and_has_no_colour(self):
         query = "size=60&fill=solid"
         whole, made = self.npz(query), self.npz(f"{query}&palette={THREE_TEXT}")

@@ -126,6 +126,27 @@ class Zarr(DaemonTest):
         np.testing.assert_allclose(scale["scale"], size[::-1])
         np.testing.assert_allclose(move["translation"], (origin + size / 2)[::-1])
 
+    def test_the_meta_of_a_changed_grid_is_its_own(self):
+        for change in ("region=3,5,7,100,67,64", "level=1", "crop=yes", "erode=1", "remap=1:2,2:1"):
+            with self.subTest(change):
+                response = self.daemon.get(f"/v1/grids/{self.grid}?format=zarr&{change}")
+                with zipfile.ZipFile(io.BytesIO(response.body)) as archive:
+                    meta = json.loads(archive.read("zarr.json"))["attributes"]["voxeld"]["meta"]
+                other = self.daemon.get(f"/v1/grids/{self.grid}?format=npz&{change}")
+                for known in (response.headers["X-Voxeld-Content-Hash"], meta["content_hash"]):
+                    self.assertEqual(known, other.headers["X-Voxeld-Content-Hash"])
+                other_meta = json.loads(other.headers["X-Voxeld-Meta"])
+                for name in ("dims", "origin", "voxel_size", "voxel_count"):
+                    self.assertEqual(meta[name], other_meta[name], name)
+                occupancy = np.load(io.BytesIO(other.body))["occupancy"]
+                self.assertEqual(meta["voxel_count"], np.count_nonzero(occupancy))
+                if "remap" in change:
+                    names = {label["id"]: label["name"] for label in meta["labels"]}
+                    whole = self.daemon.get(f"/v1/grids/{self.grid}?format=zarr")
+                    with zipfile.ZipFile(io.BytesIO(whole.body)) as archive:
+                        before = json.loads(archive.read("zarr.json"))["attributes"]["voxeld"]["meta"]["labels"]
+                    self.assertEqual((names[1], names[2]), (before[1]["name"], before[0]["name"]))
+
     def test_live_store_of_version_2_is_read_by_zarr(self):
         group = open_by_zarr(LiveStore(self.daemon, f"/v1/grids/{self.grid}/zarr2"))
         self.compare(lambda path: group[path][:])

@@ -52,8 +52,9 @@ Status choose_format(Request& request, RequestOptions& options) {
 // format, and the format's media types on whether there are frames.
 Result<RequestOptions> voxelize_options(Request& request, OptionScope scope) {
   OptionPairs pairs = option_pairs(request), others = pairs;
-  static constexpr std::string_view kOfFormats[] = {
-      "layout", "mesh", "compress", "channel", "blocks", "dither", "schem_version", "zarr_version"};
+  static constexpr std::string_view kOfFormats[] = {"layout",  "mesh",          "compress",
+                                                    "channel", "palette",       "blocks",
+                                                    "dither",  "schem_version", "zarr_version"};
   std::erase_if(others,
                 [](const auto& pair) { return std::ranges::count(kOfFormats, pair.first) != 0; });
   VOXELD_ASSIGN(RequestOptions options, parse_options(others, scope));

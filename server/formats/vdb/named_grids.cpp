@@ -106,18 +106,11 @@ class IdValues : public GridValues<int32_t> {
   Channel channel_;
 };
 
-std::string fill_option(const GridMeta& meta) {
-  const auto options = meta.members().find("options");
-  if (options == meta.members().end() || !options->is_object()) return "";
-  const auto fill = options->find("fill");
-  return fill != options->end() && fill->is_string() ? fill->get<std::string>() : "";
-}
-
 // Only bands with voxels and solids tell on which side a cell without a voxel is.
 bool is_level_set(const Grid& grid) {
   const bool is_known_band =
       grid.meta.tells_sides() && !std::ranges::all_of(grid.tiles, &SparseTile::empty);
-  return volume::has_world_distances(grid) && (is_known_band || fill_option(grid.meta) == "solid");
+  return volume::has_world_distances(grid) && (is_known_band || grid.meta.is_solid());
 }
 
 }  // namespace

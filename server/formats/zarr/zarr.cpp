@@ -35,9 +35,12 @@ Status add_levels(ZipWriter& zip, const TileSource& tiles, std::optional<size_t>
 
 }  // namespace
 
-Status write_store(const TileSource& tiles, const OutputOptions& options, OutputFile& file) {
+Status write_store(const TileSource& tiles, const GridMeta& meta, const OutputOptions& options,
+                   OutputFile& file) {
   ZipWriter zip(file);
-  VOXELD_TRY(add_documents(zip, tiles.grid(), {}, options));
+  Grid common = tiles.grid();
+  common.meta = meta;
+  VOXELD_TRY(add_documents(zip, common, {}, options));
   VOXELD_TRY(add_levels(zip, tiles, std::nullopt, options));
   return zip.finish();
 }
@@ -47,7 +50,7 @@ Status write_store(const TileSource& tiles, const OutputOptions& options, Output
 namespace voxeld {
 
 Status encode_zarr(const Grid& grid, const OutputOptions& options, OutputFile& file) {
-  return zarr::write_store(GridTiles(grid), options, file);
+  return zarr::write_store(GridTiles(grid), grid.meta, options, file);
 }
 
 Status write_zarr_sequence(const FrameSource& source, const OutputOptions& options,

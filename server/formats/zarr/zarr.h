@@ -10,6 +10,7 @@ namespace voxeld::zarr {
 
 // Writes the store of a grid: options.zarr_version, dtype and level_rule apply. Tiles are read once
 // for each level. Equal grids give equal bytes. Errors: storage-full, internal, the source's.
-Status write_store(const TileSource& tiles, const OutputOptions& options, OutputFile& file);
+Status write_store(const TileSource& tiles, const GridMeta& meta, const OutputOptions& options,
+                   OutputFile& file);
 
 }  // namespace voxeld::zarr

@@ -86,8 +86,9 @@ Result<Pose> pose_at(const AnimatedScene& animated, size_t animation, double sec
                           time_in(animated.animations[animation].duration_s, seconds, repeat));
 }
 
-void strip_root_motion(Pose& pose, const glm::dvec3& first_root) {
-  const glm::dvec3 back(first_root.x - pose.root.x, 0.0, first_root.z - pose.root.z);
+void strip_root_motion(Pose& pose, const glm::dvec3& first_root, int up_axis) {
+  glm::dvec3 back = first_root - pose.root;
+  back[up_axis] = 0;
   for (glm::dmat4& matrix : pose.world_from_bound) matrix[3] += glm::dvec4(back, 0.0);
   pose.root += back;
 }
@@ -115,7 +116,7 @@ Result<Box3d> bounds_over(const AnimatedScene& animated, size_t animation,
   for (size_t i = 0; i < times_s.size(); ++i) {
     VOXELD_ASSIGN(Pose pose, pose_at(animated, animation, times_s[i], repeat));
     if (i == 0) first_root = pose.root;
-    if (root_motion == RootMotion::kStrip) strip_root_motion(pose, first_root);
+    if (root_motion == RootMotion::kStrip) strip_root_motion(pose, first_root, 1);
     VOXELD_TRY(skin_vertices(animated.skin, animated.scene, pose, frame));
     add_used(box, animated.scene, frame);
   }

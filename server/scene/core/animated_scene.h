@@ -75,8 +75,9 @@ enum class RootMotion { kKeep, kStrip };
 Result<Pose> pose_at(const AnimatedScene& animated, size_t animation, double seconds,
                      Repeat repeat = Repeat::kClamp);
 
-// Moves a pose so that its root joint stands over `first_root`, the root of another pose.
-void strip_root_motion(Pose& pose, const glm::dvec3& first_root);
+// Moves a pose so that its root joint stands over `first_root`, the root of another pose. up_axis:
+// of the file, 1 or 2.
+void strip_root_motion(Pose& pose, const glm::dvec3& first_root, int up_axis);
 
 // Combines pose_at() and skin_vertices(). Errors: those of both.
 Result<FrameVertices> scene_at(const AnimatedScene& animated, size_t animation, double seconds,

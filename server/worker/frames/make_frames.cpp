@@ -245,11 +245,11 @@ class FrameLoop {
 
 Result<Clip> open_clip(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(auto animated, load_input_animated(run, load_options(options.voxelize)));
-  VOXELD_ASSIGN(MovingScene moving, MovingScene::open(std::move(animated), options.animation));
-  VOXELD_ASSIGN(FrameTimes times, frame_times(options.animation, moving.animation()));
-  VOXELD_TRY(moving.begin(times.times_s.front()));
-  const StageTimer stage(run, "place");
   const PlacementOptions& placement = options.voxelize.placement;
+  VOXELD_ASSIGN(MovingScene moving,
+                MovingScene::open(std::move(animated), options.animation, placement.up));
+  VOXELD_ASSIGN(FrameTimes times, frame_times(options.animation, moving.animation()));
+  const StageTimer stage(run, "place");
   VOXELD_ASSIGN(const Box3d box, moving.box_over(times.times_s, world_from_file(placement),
                                                  [&] { return run.monitor.check(); }));
   if (box.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no triangles", "", ""};

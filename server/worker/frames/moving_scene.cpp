@@ -5,7 +5,7 @@
 namespace voxeld {
 
 Result<MovingScene> MovingScene::open(std::shared_ptr<const AnimatedScene> animated,
-                                      const AnimationOptions& options) {
+                                      const AnimationOptions& options, UpAxis up) {
   if (animated->animations.empty()) {
     return Error{ErrorCode::kInvalidOption, "animation: this asset has none",
                  "an asset with animations", animated->scene.format};
@@ -13,18 +13,16 @@ Result<MovingScene> MovingScene::open(std::shared_ptr<const AnimatedScene> anima
   VOXELD_ASSIGN(const size_t index, options.animation
                                         ? find_animation(*animated, *options.animation)
                                         : default_animation(*animated));
-  return MovingScene(std::move(animated), index, options.root_motion == RootMotionChoice::kStrip);
-}
-
-Status MovingScene::begin(double first_time_s) {
-  VOXELD_ASSIGN(const Pose pose, pose_at(*animated_, animation_, first_time_s));
-  first_root_ = pose.root;
-  return {};
+  VOXELD_ASSIGN(const Pose first, pose_at(*animated, index, 0.0));
+  MovingScene moving(std::move(animated), index, options.root_motion == RootMotionChoice::kStrip);
+  moving.first_root_ = first.root;
+  moving.up_axis_ = up == UpAxis::kZ ? 2 : 1;
+  return moving;
 }
 
 Status MovingScene::find_pose(double time_s, Pose& out) const {
   VOXELD_ASSIGN(out, pose_at(*animated_, animation_, time_s));
-  if (strips_) strip_root_motion(out, first_root_);
+  if (strips_) strip_root_motion(out, first_root_, up_axis_);
   return {};
 }
 

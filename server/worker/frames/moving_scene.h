@@ -25,10 +25,11 @@ namespace voxeld {
 
 class MovingScene {
  public:
-  // Opens the animation that the options name, or the first one. Errors: invalid-option for an
-  // asset without animations, and those of find_animation().
+  // Opens the animation that the options name, or the first one. Root motion is stripped to where
+  // it begins. Errors: invalid-option for an asset without animations, those of find_animation()
+  // and pose_at().
   static Result<MovingScene> open(std::shared_ptr<const AnimatedScene> animated,
-                                  const AnimationOptions& options);
+                                  const AnimationOptions& options, UpAxis up);
 
   const AnimationInfo& animation() const { return animated_->animations[animation_]; }
   size_t animation_index() const { return animation_; }
@@ -37,9 +38,6 @@ class MovingScene {
   // The scene in the pose shown last.
   const Scene& scene() const { return scene_; }
 
-  // Sets the place to which root motion is stripped. Call it before the first skin(). Errors: those
-  // of pose_at().
-  Status begin(double first_time_s);
   // The pose at a time. Any thread may call it, also concurrently. Errors: those of pose_at().
   Status find_pose(double time_s, Pose& out) const;
   // The vertices of a pose, from any thread. Errors: those of skin_vertices().
@@ -71,6 +69,7 @@ class MovingScene {
   size_t animation_;
   bool strips_;
   glm::dvec3 first_root_{0.0};
+  int up_axis_ = 1;
   Scene scene_;
 };
 

@@ -102,11 +102,25 @@ Status write_native(TaskRun& run, const TileSource& source, const TileSource& ti
 Status write_zarr(TaskRun& run, const TileSource& source, const TileSource& tiles,
                   const OutputOptions& output) {
   const std::filesystem::path path = next_output(run);
+  json facts = place_facts(tiles.grid().spec);
+  if (selects(output)) {
+    ContentHasher hasher(tiles.grid());
+    uint64_t voxel_count = 0;
+    VOXELD_TRY(for_each_batch(tiles, [&](const std::vector<SparseTile>& batch) -> Status {
+      for (const SparseTile& tile : batch) {
+        hasher.add(tile);
+        voxel_count += tile.voxel_count();
+      }
+      return {};
+    }));
+    facts = grid_facts(tiles.grid(), voxel_count, hasher.finish());
+  }
+  const GridMeta meta = selection_meta(source, tiles, output, facts);
   {
     VOXELD_ASSIGN(OutputFile file, OutputFile::create(path));
-    VOXELD_TRY(zarr::write_store(tiles, output, file));
+    VOXELD_TRY(zarr::write_store(tiles, meta, output, file));
   }
-  add_meta(run, selection_meta(source, tiles, output, place_facts(tiles.grid().spec)).members());
+  add_meta(run, meta.members());
   add_warnings(run, encode_warnings(tiles.grid(), output));
   list_output(run, path, "result", format_media_type(Format::kZarr),
               format_extension(Format::kZarr));

@@ -104,6 +104,7 @@ TEST(Level, voxels_of_full_nodes_count_as_covered) {
   Grid grid;
   grid.spec.dims = {16, 16, 16};
   grid.channels.coverage = true;
+  grid.meta = GridMeta::parse(R"({"options":{"fill":"solid"}})");
   SparseTile tile;
   tile.full = {{0, 0}};
   tile.brick_morton = {1};
@@ -122,7 +123,13 @@ TEST(Level, voxels_of_full_nodes_count_as_covered) {
   EXPECT_EQ(halves[0].voxel_count(), 128u);
   const auto one = testing::tiles_of(LevelTiles(source, 4, LevelRule::kAny));
   ASSERT_EQ(one.size(), 1u);
-  EXPECT_EQ(one[0].coverage, std::vector<uint8_t>{(255 + 51) / 2});
+  EXPECT_EQ(one[0].coverage, std::vector<uint8_t>{38}) << "two bricks of eight, 255 and 51";
+  // Of a surface by the cells of a face.
+  grid.meta = {};
+  const GridTiles surface(grid);
+  EXPECT_EQ(std::ranges::count(
+                testing::tiles_of(LevelTiles(surface, 1, LevelRule::kAny))[0].coverage, 2 * 51),
+            64);
 }
 
 TEST(Level, a_cube_that_is_half_full_is_occupied_by_majority) {

@@ -92,7 +92,10 @@ TEST(AnimatedScene, stripped_of_root_motion_the_root_stays_over_its_place) {
   EXPECT_EQ(last->root, glm::dvec3(9, 10.5, -1));
   FrameVertices kept, stripped;
   ASSERT_TRUE(skin_vertices(puppet.skin, puppet.scene, *last, kept));
-  strip_root_motion(*last, first->root);
+  Pose lying = *last;  // of a file whose z points up
+  strip_root_motion(lying, first->root - glm::dvec3(0, 0, 4), 2);
+  EXPECT_EQ(lying.root, glm::dvec3(0, first->root.y, -1));
+  strip_root_motion(*last, first->root, 1);
   EXPECT_EQ(last->root, glm::dvec3(0, 10.5, -1));
   ASSERT_TRUE(skin_vertices(puppet.skin, puppet.scene, *last, stripped));
   for (size_t p = 0; p < kept.parts.size(); ++p) {
