@@ -18,7 +18,7 @@ test("after a restart of the daemon the page goes on", async ({ page }) => {
 
 test("a daemon that is back is noticed though nobody waits for it", async ({ page }) => {
   await page.goto(daemon.url);
-  await drop(page, join(fixtures, "concave.obj"));
+  await drop(page, join(fixtures, "sample.ply"));
   await shown(page, 256);
   await page.route("**/v1/**", route => route.abort());
   await resize(page, 96);

@@ -125,7 +125,7 @@ test("a folder's other files keep its mesh not out", async ({ page }) => {
   for (let i = 0; i < 1000; ++i) writeFileSync(join(many, `${i}`), "x");
   writeFileSync(join(folder, "empty.png"), "");
   for (const name of ["a.mtl", "stone/d.png", "wood/d.png"]) writeFileSync(join(folder, name), name);
-  cpSync(join(fixtures, "concave.obj"), join(folder, "concave.obj"));
+  cpSync(join(fixtures, "sample.ply"), join(folder, "sample.ply"));
   await page.goto(daemon.url);
   await page.setInputFiles("#folder", folder);
   await shown(page, 256);
@@ -134,9 +134,9 @@ test("a folder's other files keep its mesh not out", async ({ page }) => {
   await expect(command).toContainText("stone/d.png");
   // These two find the files of folders by themselves, and refuse equal names.
   await page.click('#commands button:text-is("CLI")');
-  await expect(command).toContainText("voxel concave.obj a.mtl --");
+  await expect(command).toContainText("voxel sample.ply a.mtl --");
   await page.click('#commands button:text-is("Python")');
-  await expect(command).toContainText('(["concave.obj", "a.mtl"], ');
+  await expect(command).toContainText('(["sample.ply", "a.mtl"], ');
 });
 
 test("a texture that is refused leaves the mesh as it was", async ({ page }) => {
